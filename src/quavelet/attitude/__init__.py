@@ -1,0 +1,1 @@
+"""Rates and gravity to attitude: the quaternion kernel and the filters around it."""

@@ -1,0 +1,69 @@
+"""A Linux I2C bus, /dev/i2c-N, by smbus2's I2C_RDWR. The only file that imports smbus2."""
+
+from __future__ import annotations
+
+import re
+from types import TracebackType
+from typing import Self
+
+from smbus2 import SMBus, i2c_msg
+
+from quavelet.bus.faults import bus_error
+from quavelet.core.clock import Clock
+from quavelet.core.errors import SettingsError
+
+
+class LinuxI2CBus:
+    """An `I2CBus` on /dev/i2c-`number`.
+
+    I2C_RDWR makes one transaction with a repeated start of any length up to the kernel's 8192 bytes;
+    smbus2's block calls would stop at 32.
+    """
+
+    def __init__(self, number: int) -> None:
+        self._name = f"linux:{number}"
+        try:
+            self._smbus: SMBus | None = SMBus(number)
+        except OSError as error:
+            raise bus_error(error.errno, bus=f"/dev/i2c-{number}") from error
+
+    @property
+    def name(self) -> str:
+        return self._name
+
+    def write(self, address: int, data: bytes) -> None:
+        self._transfer(address, data, i2c_msg.write(address, data))
+
+    def write_read(self, address: int, data: bytes, n: int) -> bytes:
+        answer = i2c_msg.read(address, n)
+        self._transfer(address, data, i2c_msg.write(address, data), answer)
+        return bytes(answer)
+
+    def _transfer(self, address: int, data: bytes, *messages: i2c_msg) -> None:
+        if self._smbus is None:
+            raise ValueError(f"{self._name} is closed: open it again")
+        try:
+            self._smbus.i2c_rdwr(*messages)
+        except OSError as error:
+            raise bus_error(error.errno, bus=self._name, address=address, register=data[0] if data else None) from error
+
+    def close(self) -> None:
+        if self._smbus is not None:
+            self._smbus.close()
+            self._smbus = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None, /
+    ) -> None:
+        self.close()
+
+
+def open_linux(which: str, *, clock: Clock) -> LinuxI2CBus:
+    """The bus "linux:N"; `which` is N. The clock is not used: real wires keep their own time."""
+    del clock
+    if not re.fullmatch(r"\d{1,3}", which):
+        raise SettingsError(f"bus 'linux:{which}' is not a bus: write linux:N with N from /dev/i2c-N, as linux:1")
+    return LinuxI2CBus(int(which))

@@ -1,0 +1,1 @@
+"""Counts to SI: the model, stillness, and the gyroscope's bias."""

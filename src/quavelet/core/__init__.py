@@ -1,0 +1,1 @@
+"""Words everyone uses: blocks, quaternions, units, clocks, errors, health counters."""

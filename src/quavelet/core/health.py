@@ -1,0 +1,48 @@
+"""Counters of all that went wrong, was repaired, or was thrown away."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+
+
+@dataclass(slots=True)
+class Health:
+    """One object for a chip's whole way; each stage adds to its own counters.
+
+    Every reason for which data was rejected or the chip was reset has its own counter.
+    """
+
+    samples: int = 0
+    """Samples decoded."""
+    samples_lost: int = 0
+    """Samples the chip took and nobody read, by the time base's reckoning."""
+    gaps: int = 0
+    """Places in the data where samples are missing."""
+    drains: int = 0
+    """Times the FIFO was looked at."""
+    fifo_empty: int = 0
+    """Drains that found no whole frame."""
+    fifo_overflows: int = 0
+    """Resets because the chip reported an overflow."""
+    fifo_near_full: int = 0
+    """Resets because fewer than three frames of room were left."""
+    fifo_misaligned: int = 0
+    """Resets because the FIFO did not hold whole frames."""
+    fifo_resets: int = 0
+    """All resets of the FIFO while streaming."""
+    bus_errors: int = 0
+    """Failed transfers."""
+    chip_restarts: int = 0
+    """Full resets of the chip after the first."""
+    config_mismatches: int = 0
+    """Configuration registers that did not read back as written."""
+    slow_queries: int = 0
+    """Count readings too slow to time the samples by."""
+    rate_out_of_bounds: int = 0
+    """Fits of the sample rate outside what the chip's oscillator can do, not used."""
+    records_damaged: int = 0
+    """Records of a recording that could not be read."""
+
+    def as_dict(self) -> dict[str, int]:
+        """All counters by name."""
+        return asdict(self)

@@ -1,0 +1,1 @@
+"""Outputs: encodings and transports, one small file each."""
