@@ -1,0 +1,152 @@
+"""Drains to raw blocks: frames, times, and the gaps between them. Live and replay run the same decoder."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from quavelet.core.blocks import CountArray, Flag, FlagArray, RawBlock, Scale
+from quavelet.core.health import Health
+from quavelet.core.units import NS_PER_S
+from quavelet.mpu6050.drain import Drain, Verdict, judge
+from quavelet.mpu6050.registers import FRAME_BYTES
+from quavelet.mpu6050.stream import StreamInfo
+from quavelet.mpu6050.timebase import TimeBase, TimeBaseState
+
+_REASON: dict[Verdict, Flag] = {
+    Verdict.OVERFLOW: Flag.GAP | Flag.OVERFLOW,
+    Verdict.NEAR_FULL: Flag.GAP | Flag.OVERFLOW,
+    Verdict.MISALIGNED: Flag.GAP | Flag.MISALIGNED,
+    Verdict.FAILED: Flag.GAP | Flag.BUS_ERROR,
+}
+_INT16_ENDS = (-32768, 32767)
+
+
+@dataclass(frozen=True, slots=True)
+class DecoderState:
+    """All memory: the time base, how many samples the chip took, and a gap that waits for its end.
+
+    taken        samples the chip has taken, those lost included
+    last_ns      time of the last sample given out, -1 before the first
+    pending      flags for the first sample after the gap, 0 where there is no gap
+    next_seq     the drain number expected next
+    """
+
+    timebase: TimeBaseState
+    taken: int = 0
+    last_ns: int = -1
+    pending: int = 0
+    next_seq: int = 0
+
+
+class Decoder:
+    """Turns each `Drain` of one stream into a `RawBlock`, possibly empty."""
+
+    def __init__(self, info: StreamInfo, *, health: Health) -> None:
+        self.info = info
+        self._scale = info.scale
+        self._fifo_bytes = info.variant.fifo_bytes
+        self._health = health
+        self._timebase = TimeBase(nominal_period_s=info.nominal_period_s)
+        self._s = DecoderState(timebase=self._timebase.state())
+
+    def state(self) -> DecoderState:
+        return replace(self._s, timebase=self._timebase.state())
+
+    def restore(self, state: DecoderState) -> None:
+        self._s = state
+        self._timebase.restore(state.timebase)
+
+    @property
+    def measured_rate_hz(self) -> float | None:
+        """The chip's sample rate by the host's clock, None until it is measured."""
+        return 1.0 / self._timebase.period_s if self._timebase.sure else None
+
+    def verdict(self, drain: Drain) -> Verdict:
+        """What this drain says about the FIFO."""
+        if drain.failed:
+            return Verdict.FAILED
+        return judge(drain.int_status, drain.fifo_count, fifo_bytes=self._fifo_bytes)
+
+    def decode(self, drain: Drain) -> RawBlock:
+        """The samples of this drain, timed and flagged."""
+        if drain.seq != self._s.next_seq:
+            # A recording lost drains here, and with them an unknown number of samples.
+            self._s = replace(self._s, pending=self._s.pending | Flag.GAP)
+        self._s = replace(self._s, next_seq=drain.seq + 1)
+        verdict = self.verdict(drain)
+        self._count(verdict)
+        if verdict.must_reset:
+            self._s = replace(self._s, pending=self._s.pending | _REASON[verdict])
+        if verdict is not Verdict.FRAMES:
+            return empty_raw_block(self._scale)
+        counts = np.frombuffer(drain.data, dtype=">i2").reshape(-1, FRAME_BYTES // 2).astype(np.int16)
+        return self._timed(counts, drain)
+
+    def _timed(self, counts: CountArray, drain: Drain) -> RawBlock:
+        s, base, n = self._s, self._timebase, len(counts)
+        flags = clip_flags(counts)
+        gap_ns = np.zeros(n, dtype=np.int64)
+        taken = s.taken
+        if s.pending:
+            at_ns = (drain.before_ns + drain.after_ns) // 2
+            lost = max(0, base.number_at(at_ns) - (taken + n)) if base.started else 0
+            taken += lost
+            flags[0] |= s.pending
+            gap_ns[0] = round(lost * base.period_s * NS_PER_S)
+            self._health.gaps += 1
+            self._health.samples_lost += lost
+        first = taken + 1
+        taken += n
+        if base.is_slow(drain.before_ns, drain.after_ns):
+            self._health.slow_queries += 1
+        elif not base.observe(taken, drain.before_ns, drain.after_ns):
+            self._health.rate_out_of_bounds += 1
+        if not base.sure:
+            flags |= np.uint32(Flag.CLOCK_UNSURE)
+        # A new fit may move the line back by less than a period; times stay strictly increasing.
+        start_ns = max(base.time_ns(first), s.last_ns + 1)
+        step_ns = max(base.period_s * NS_PER_S, 1.0)
+        t_ns = start_ns + np.round(np.arange(n) * step_ns).astype(np.int64)
+        self._s = replace(s, taken=taken, last_ns=int(t_ns[-1]), pending=0)
+        self._health.samples += n
+        return RawBlock(
+            t_ns=t_ns,
+            period_s=np.full(n, base.period_s),
+            gap_ns=gap_ns,
+            flags=flags,
+            counts=counts,
+            scale=self._scale,
+        )
+
+    def _count(self, verdict: Verdict) -> None:
+        health = self._health
+        health.drains += 1
+        health.fifo_empty += verdict is Verdict.EMPTY
+        health.fifo_overflows += verdict is Verdict.OVERFLOW
+        health.fifo_near_full += verdict is Verdict.NEAR_FULL
+        health.fifo_misaligned += verdict is Verdict.MISALIGNED
+        health.bus_errors += verdict is Verdict.FAILED
+        health.fifo_resets += verdict.must_reset
+
+
+def clip_flags(counts: CountArray) -> FlagArray:
+    """Flags (N,) of samples that stand at the end of a range; counts as in `RawBlock`."""
+    at_end = (counts == _INT16_ENDS[0]) | (counts == _INT16_ENDS[1])
+    accel = at_end[:, 0:3].any(axis=1)
+    gyro = at_end[:, 4:7].any(axis=1)
+    flags: FlagArray = accel * np.uint32(Flag.ACCEL_CLIPPED) | gyro * np.uint32(Flag.GYRO_CLIPPED)
+    return flags
+
+
+def empty_raw_block(scale: Scale) -> RawBlock:
+    """A block of no rows."""
+    return RawBlock(
+        t_ns=np.zeros(0, dtype=np.int64),
+        period_s=np.zeros(0),
+        gap_ns=np.zeros(0, dtype=np.int64),
+        flags=np.zeros(0, dtype=np.uint32),
+        counts=np.zeros((0, FRAME_BYTES // 2), dtype=np.int16),
+        scale=scale,
+    )

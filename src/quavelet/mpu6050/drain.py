@@ -1,0 +1,60 @@
+"""One look at the FIFO: exactly what was read, and what follows from it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+from quavelet.mpu6050.registers import FIFO_OFLOW_INT, FRAME_BYTES
+
+GUARD_FRAMES = 3
+"""Frames of room below which the FIFO is reset before it can overflow (as Linux's inv_mpu6050 does)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Drain:
+    """What one drain read from the chip, byte for byte, with the host's times around the count.
+
+    seq            0, 1, 2, ... within one stream; a missing number is a drain that got lost
+    before_ns      host time before FIFO_COUNT was read
+    after_ns       host time after it
+    int_status     INT_STATUS
+    fifo_count     FIFO_COUNT
+    data           the bytes taken from FIFO_R_W; whole frames, none where the verdict was to reset
+    failed         a transfer of this drain failed, nothing in it is to be believed
+    """
+
+    seq: int
+    before_ns: int
+    after_ns: int
+    int_status: int
+    fifo_count: int
+    data: bytes
+    failed: bool = False
+
+
+class Verdict(Enum):
+    """What a drain's status and count say about the FIFO."""
+
+    FRAMES = "whole frames to read"
+    EMPTY = "nothing to read"
+    OVERFLOW = "overflowed: the head is in mid-frame, reset it"
+    NEAR_FULL = "about to overflow, reset it"
+    MISALIGNED = "not whole frames, reset it"
+    FAILED = "a transfer failed, how many bytes are gone is unknown: reset it"
+
+    @property
+    def must_reset(self) -> bool:
+        """Whether the FIFO has to be emptied before anything in it can be used."""
+        return self not in (Verdict.FRAMES, Verdict.EMPTY)
+
+
+def judge(int_status: int, fifo_count: int, *, fifo_bytes: int) -> Verdict:
+    """The verdict on a FIFO that holds `fifo_count` bytes of 14-byte frames."""
+    if int_status & FIFO_OFLOW_INT.mask or fifo_count >= fifo_bytes:
+        return Verdict.OVERFLOW
+    if fifo_count % FRAME_BYTES:
+        return Verdict.MISALIGNED
+    if fifo_count >= fifo_bytes - GUARD_FRAMES * FRAME_BYTES:
+        return Verdict.NEAR_FULL
+    return Verdict.FRAMES if fifo_count else Verdict.EMPTY

@@ -1,0 +1,131 @@
+"""The MPU-6050's register map as data: RM-MPU-6000A-00 rev 4.2 (the register map), page by page.
+
+Registers that rev 4.2 no longer documents are marked page 0 and say where they are known from.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Register:
+    """One 8-bit register, or the first of a run of `length`.
+
+    reset is the value after power-up; None where the factory writes trim that differs from chip to chip.
+    access is "rw", "r" or "clear" (reading has an effect).
+    """
+
+    address: int
+    name: str
+    page: int
+    reset: int | None = 0x00
+    access: str = "rw"
+    length: int = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """Bits `high` to `low` of a register."""
+
+    register: Register
+    name: str
+    high: int
+    low: int
+
+    @property
+    def mask(self) -> int:
+        """The bits of the field, in place."""
+        return ((1 << (self.high - self.low + 1)) - 1) << self.low
+
+    def encode(self, value: int) -> int:
+        """`value` moved into place. Raises ValueError when it does not fit."""
+        if not 0 <= value <= self.mask >> self.low:
+            raise ValueError(f"{self.register.name}.{self.name} cannot hold {value}")
+        return value << self.low
+
+    def decode(self, byte: int) -> int:
+        """The field's value in a register's byte."""
+        return (byte & self.mask) >> self.low
+
+
+ACCEL_OFFSETS = Register(0x06, "XA_OFFS_H", 0, None, length=6)  # factory trim; in no public map
+SELF_TEST = Register(0x0D, "SELF_TEST_X", 9, None, length=4)
+GYRO_OFFSETS = Register(0x13, "XG_OFFS_USRH", 0, length=6)  # in no public map
+SMPLRT_DIV = Register(0x19, "SMPLRT_DIV", 11)
+CONFIG = Register(0x1A, "CONFIG", 13)
+GYRO_CONFIG = Register(0x1B, "GYRO_CONFIG", 14)
+ACCEL_CONFIG = Register(0x1C, "ACCEL_CONFIG", 15)
+FIFO_EN = Register(0x23, "FIFO_EN", 16)
+I2C_MST_CTRL = Register(0x24, "I2C_MST_CTRL", 17)
+INT_PIN_CFG = Register(0x37, "INT_PIN_CFG", 26)
+INT_ENABLE = Register(0x38, "INT_ENABLE", 27)
+INT_STATUS = Register(0x3A, "INT_STATUS", 28, access="clear")
+ACCEL_OUT = Register(0x3B, "ACCEL_XOUT_H", 29, access="r", length=6)
+TEMP_OUT = Register(0x41, "TEMP_OUT_H", 30, access="r", length=2)
+GYRO_OUT = Register(0x43, "GYRO_XOUT_H", 31, access="r", length=6)
+EXT_SENS_DATA = Register(0x49, "EXT_SENS_DATA_00", 32, access="r", length=24)
+SIGNAL_PATH_RESET = Register(0x68, "SIGNAL_PATH_RESET", 37)
+USER_CTRL = Register(0x6A, "USER_CTRL", 38)
+PWR_MGMT_1 = Register(0x6B, "PWR_MGMT_1", 40, 0x40)
+PWR_MGMT_2 = Register(0x6C, "PWR_MGMT_2", 42)
+FIFO_COUNT = Register(0x72, "FIFO_COUNTH", 43, access="r", length=2)
+FIFO_R_W = Register(0x74, "FIFO_R_W", 44, None, access="clear")
+WHO_AM_I = Register(0x75, "WHO_AM_I", 45, 0x68, access="r")
+
+REGISTERS: tuple[Register, ...] = (
+    ACCEL_OFFSETS,
+    SELF_TEST,
+    GYRO_OFFSETS,
+    SMPLRT_DIV,
+    CONFIG,
+    GYRO_CONFIG,
+    ACCEL_CONFIG,
+    FIFO_EN,
+    I2C_MST_CTRL,
+    INT_PIN_CFG,
+    INT_ENABLE,
+    INT_STATUS,
+    ACCEL_OUT,
+    TEMP_OUT,
+    GYRO_OUT,
+    EXT_SENS_DATA,
+    SIGNAL_PATH_RESET,
+    USER_CTRL,
+    PWR_MGMT_1,
+    PWR_MGMT_2,
+    FIFO_COUNT,
+    FIFO_R_W,
+    WHO_AM_I,
+)
+
+EXT_SYNC_SET = Field(CONFIG, "EXT_SYNC_SET", 5, 3)
+DLPF_CFG = Field(CONFIG, "DLPF_CFG", 2, 0)
+GYRO_SELF_TEST = Field(GYRO_CONFIG, "XYZG_ST", 7, 5)
+GYRO_FS_SEL = Field(GYRO_CONFIG, "FS_SEL", 4, 3)
+ACCEL_SELF_TEST = Field(ACCEL_CONFIG, "XYZA_ST", 7, 5)
+ACCEL_FS_SEL = Field(ACCEL_CONFIG, "AFS_SEL", 4, 3)
+ACCEL_HPF = Field(ACCEL_CONFIG, "ACCEL_HPF", 2, 0)
+FIFO_SENSORS = Field(FIFO_EN, "TEMP_XG_YG_ZG_ACCEL", 7, 3)
+FIFO_SLAVES = Field(FIFO_EN, "SLV2_SLV1_SLV0", 2, 0)
+INT_PIN = Field(INT_PIN_CFG, "INT_PIN", 7, 1)
+INT_RD_CLEAR = Field(INT_PIN_CFG, "INT_RD_CLEAR", 4, 4)
+FIFO_OFLOW_EN = Field(INT_ENABLE, "FIFO_OFLOW_EN", 4, 4)
+INT_SOURCES = Field(INT_ENABLE, "all interrupts", 7, 0)
+FIFO_OFLOW_INT = Field(INT_STATUS, "FIFO_OFLOW_INT", 4, 4)
+USER_DMP_EN = Field(USER_CTRL, "DMP_EN", 7, 7)
+USER_FIFO_EN = Field(USER_CTRL, "FIFO_EN", 6, 6)
+USER_I2C_MST_EN = Field(USER_CTRL, "I2C_MST_EN", 5, 5)
+USER_FIFO_RESET = Field(USER_CTRL, "FIFO_RESET", 2, 2)
+DEVICE_RESET = Field(PWR_MGMT_1, "DEVICE_RESET", 7, 7)
+SLEEP = Field(PWR_MGMT_1, "SLEEP", 6, 6)
+CYCLE = Field(PWR_MGMT_1, "CYCLE", 5, 5)
+TEMP_DIS = Field(PWR_MGMT_1, "TEMP_DIS", 3, 3)
+CLKSEL = Field(PWR_MGMT_1, "CLKSEL", 2, 0)
+STANDBY = Field(PWR_MGMT_2, "LP_WAKE_CTRL_and_STBY", 7, 0)
+
+CLOCK_PLL_GYRO_X = 1
+"""CLKSEL: PLL on the gyroscope's x axis, 1 % (PS 6.6) where the internal oscillator is 5 %."""
+FIFO_ACCEL_TEMP_GYRO = 0b11111
+"""FIFO_SENSORS: accelerometer, temperature, gyroscope; frames of 14 bytes in the order of the registers."""
+FRAME_BYTES = 14

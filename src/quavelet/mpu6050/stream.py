@@ -1,0 +1,60 @@
+"""What must be known of a configured chip to decode its FIFO; it is also a recording's header."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from quavelet.core.blocks import Scale
+from quavelet.core.units import RAD_PER_DEG, STANDARD_GRAVITY_M_S2
+from quavelet.mpu6050 import registers as r
+from quavelet.mpu6050.config import ACCEL_LSB_PER_G, GYRO_LSB_PER_DPS, gyro_output_rate_hz
+from quavelet.mpu6050.variants import Variant, identify
+
+
+@dataclass(frozen=True, slots=True)
+class StreamInfo:
+    """A chip that streams: registers as read back, never as wished.
+
+    src        the bus's name
+    address    the chip's 7-bit address
+    who_am_i, config, gyro_config, accel_config, smplrt_div   register bytes
+    """
+
+    src: str
+    address: int
+    who_am_i: int
+    config: int
+    gyro_config: int
+    accel_config: int
+    smplrt_div: int
+
+    @property
+    def variant(self) -> Variant:
+        return identify(self.who_am_i, bus=self.src, address=self.address)
+
+    @property
+    def gyro_range_dps(self) -> int:
+        return list(GYRO_LSB_PER_DPS)[r.GYRO_FS_SEL.decode(self.gyro_config)]
+
+    @property
+    def accel_range_g(self) -> int:
+        return list(ACCEL_LSB_PER_G)[r.ACCEL_FS_SEL.decode(self.accel_config)]
+
+    @property
+    def nominal_period_s(self) -> float:
+        """The sample period if the chip's oscillator were exact."""
+        return (1 + self.smplrt_div) / gyro_output_rate_hz(r.DLPF_CFG.decode(self.config))
+
+    @property
+    def scale(self) -> Scale:
+        return scale_for(self.gyro_range_dps, self.accel_range_g, variant=self.variant)
+
+
+def scale_for(gyro_range_dps: int, accel_range_g: int, *, variant: Variant) -> Scale:
+    """What a count means at these ranges."""
+    return Scale(
+        gyro_rad_s_per_lsb=RAD_PER_DEG / GYRO_LSB_PER_DPS[gyro_range_dps],
+        accel_m_s2_per_lsb=STANDARD_GRAVITY_M_S2 / ACCEL_LSB_PER_G[accel_range_g],
+        temp_degc_per_lsb=variant.temp_degc_per_lsb,
+        temp_degc_at_zero=variant.temp_degc_at_zero,
+    )

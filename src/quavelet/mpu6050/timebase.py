@@ -1,0 +1,127 @@
+"""Sample times: the FIFO has none, so sample count is fitted against the host's clock.
+
+A line, host time over sample number, by least squares with old observations fading. Its slope is the
+chip's sample period, which is off by up to 1 % on the PLL and 5 % without (PS 6.6), an error that would
+go straight into every integrated angle.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import exp
+
+from quavelet.core.units import NS_PER_S
+
+FADE_S = 60.0
+"""Time constant with which old observations fade: the oscillator drifts with temperature, in minutes."""
+SURE_AFTER_S = 1.0
+"""Observed time after which the fitted period is used instead of the nominal one."""
+BOUND = 0.06
+"""The largest error the chip's oscillator can have: 5 % untrimmed, 1 % of margin."""
+SLOW_FACTOR = 3
+"""A count that took this much longer to read than the fastest is not used: nobody knows when it was taken."""
+SLOW_MARGIN_NS = 100_000
+
+
+@dataclass(frozen=True, slots=True)
+class TimeBaseState:
+    """All memory: weighted means and central moments of (sample number, host time since `t0_ns`)."""
+
+    t0_ns: int = 0
+    observations: int = 0
+    first_ns: int = 0
+    last_ns: int = 0
+    weight: float = 0.0
+    mean_n: float = 0.0
+    mean_t_ns: float = 0.0
+    moment_nn: float = 0.0
+    moment_nt: float = 0.0
+    fastest_ns: int = 0
+    period_ns: float = 0.0
+    sure: bool = False
+
+
+class TimeBase:
+    """Fits the host time of sample number n.
+
+    A count is a floor: at the moment it is read the next sample is between 0 and 1 period away, half a
+    period on average, and that half is taken off the line.
+    """
+
+    def __init__(self, *, nominal_period_s: float) -> None:
+        self.nominal_ns = nominal_period_s * NS_PER_S
+        self._s = TimeBaseState(period_ns=self.nominal_ns)
+
+    def state(self) -> TimeBaseState:
+        return self._s
+
+    def restore(self, state: TimeBaseState) -> None:
+        self._s = state
+
+    @property
+    def period_s(self) -> float:
+        """The sample period in s: measured once `sure`, nominal before."""
+        return self._s.period_ns / NS_PER_S
+
+    @property
+    def sure(self) -> bool:
+        """Whether the period is measured."""
+        return self._s.sure
+
+    @property
+    def started(self) -> bool:
+        """Whether there is any observation to time samples by."""
+        return self._s.observations > 0
+
+    def is_slow(self, before_ns: int, after_ns: int) -> bool:
+        """Whether reading the count took so long that its moment is in doubt."""
+        s = self._s
+        return s.observations > 0 and after_ns - before_ns > SLOW_FACTOR * s.fastest_ns + SLOW_MARGIN_NS
+
+    def observe(self, n: int, before_ns: int, after_ns: int) -> bool:
+        """Between these host times the chip had taken `n` samples in all.
+
+        Returns False where the fit lies outside what an oscillator can do; the period then stays.
+        """
+        s = self._s
+        at_ns = (before_ns + after_ns) // 2
+        if s.observations == 0:
+            s = replace(s, t0_ns=at_ns, first_ns=at_ns, last_ns=at_ns, fastest_ns=after_ns - before_ns)
+        t = float(at_ns - s.t0_ns)
+        keep = exp(-(at_ns - s.last_ns) / (FADE_S * NS_PER_S))
+        weight = keep * s.weight + 1.0
+        dn, dt = n - s.mean_n, t - s.mean_t_ns
+        mean_n, mean_t = s.mean_n + dn / weight, s.mean_t_ns + dt / weight
+        moment_nn = keep * s.moment_nn + dn * (n - mean_n)
+        moment_nt = keep * s.moment_nt + dn * (t - mean_t)
+        period, sure, good = s.period_ns, s.sure, True
+        if at_ns - s.first_ns >= SURE_AFTER_S * NS_PER_S and moment_nn > 0:
+            fitted = moment_nt / moment_nn
+            good = abs(fitted / self.nominal_ns - 1.0) <= BOUND
+            if good:
+                period, sure = fitted, True
+        self._s = TimeBaseState(
+            t0_ns=s.t0_ns,
+            observations=s.observations + 1,
+            first_ns=s.first_ns,
+            last_ns=at_ns,
+            weight=weight,
+            mean_n=mean_n,
+            mean_t_ns=mean_t,
+            moment_nn=moment_nn,
+            moment_nt=moment_nt,
+            fastest_ns=min(s.fastest_ns, after_ns - before_ns),
+            period_ns=period,
+            sure=sure,
+        )
+        return good
+
+    def time_ns(self, n: int) -> int:
+        """Host time of the sample number `n`, counted from 1, by the present fit."""
+        s = self._s
+        return s.t0_ns + round(s.mean_t_ns + (n - s.mean_n - 0.5) * s.period_ns)
+
+    def number_at(self, at_ns: int) -> int:
+        """How many samples the chip had taken at this host time, by the present fit."""
+        s = self._s
+        return int((at_ns - s.t0_ns - s.mean_t_ns) / s.period_ns + s.mean_n + 0.5)
