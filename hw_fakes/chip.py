@@ -1,0 +1,300 @@
+"""The MPU-6050 at the level of I2C messages: registers, power, FIFO and status, in the time of a clock."""
+
+from __future__ import annotations
+
+import struct
+
+from hw_fakes import registers as reg
+from hw_fakes.fifo import SIZE, Fifo
+from hw_fakes.imperfections import TYPICAL, Imperfections
+from hw_fakes.motion import Motion, Still
+from hw_fakes.prefetch import NO_DATA, Prefetch
+from hw_fakes.samples import MotionSource, Run, SampleSource
+from hw_fakes.setup import Setup, decode
+from quavelet.core.clock import Clock
+from quavelet.core.errors import EndOfData
+from quavelet.core.units import NS_PER_MS, NS_PER_S
+
+RESET_NS = 100 * NS_PER_MS
+_NEEDS_SAMPLES = frozenset(
+    [*range(reg.INT_STATUS, reg.GYRO_ZOUT_L + 1), reg.FIFO_COUNTH, reg.FIFO_COUNTL, reg.FIFO_R_W]
+)
+
+
+class Nack(Exception):
+    """The chip does not acknowledge its address."""
+
+
+class FakeMpu6050:
+    """An MPU-6050 that behaves, in virtual or real time.
+
+    A transaction is any number of `write(data)` and `read(n)`, then `stop()`. Samples are taken at the exact times of
+    the chip's own oscillator but computed only when someone can see them. Time zero of the motion is the construction.
+
+    registers      the register file, 128 bytes; a byte changed from outside takes effect at the next transaction
+    written        every (register, value) received, also those without effect
+    samples_taken  since construction
+    fifo           the bytes waiting
+    motion         the truth
+    """
+
+    def __init__(
+        self,
+        clock: Clock,
+        *,
+        motion: Motion | None = None,
+        imperfections: Imperfections = TYPICAL,
+        pll_error: float = 0.007,
+        internal_error: float = -0.03,
+        seed: int = 0,
+        accel_trim: tuple[int, int, int] = reg.ACCEL_TRIM,
+        self_test_codes: tuple[int, int, int, int] = reg.SELF_TEST_CODES,
+        nack_in_reset: bool = False,
+        source: SampleSource | None = None,
+    ) -> None:
+        """A chip that is just powered up, lying `Still` where no motion is given.
+
+        pll_error, internal_error  how much too fast the two oscillators are: 0.01 is 1 % more samples a second
+        accel_trim                 the factory's accelerometer offsets, 2048 LSB per g; they stand for no offset
+        self_test_codes            registers 0x0D to 0x10
+        nack_in_reset              for 100 ms after DEVICE_RESET it does not answer; otherwise it answers reset values,
+                                   with DEVICE_RESET still set, and forgets what is written
+        source                     where the samples come from, if not from motion and imperfections
+        """
+        self.clock = clock
+        self.birth_ns = clock.now_ns()
+        self.motion: Motion = Still() if motion is None else motion
+        self.imperfections = imperfections
+        self.pll_error = pll_error
+        self.internal_error = internal_error
+        self.accel_trim = accel_trim
+        self.self_test_codes = self_test_codes
+        self.nack_in_reset = nack_in_reset
+        self.source: SampleSource = source or MotionSource(
+            self.motion,
+            imperfections,
+            seed=seed,
+            birth_ns=self.birth_ns,
+            accel_trim=accel_trim,
+            self_test_codes=self_test_codes,
+        )
+        self.registers = bytearray(reg.COUNT)
+        self.fifo = Fifo()
+        self.written: list[tuple[int, int]] = []
+        self.samples_taken = 0
+        self._plugged = True
+        self._fifo_begun = False
+        self._past_end = False
+        self._reset_done_ns = 0
+        self._runs = 0
+        self._run: Run | None = None
+        self._taken = 0  # of the samples of this run
+        self._in_transaction = False
+        self._pointer = 0
+        self._power_up()
+        self._setup = decode(self.registers)
+        self._prefetch = Prefetch(self.source)
+        self._shadow: bytes | None = NO_DATA  # None: the newest sample, not looked at yet
+
+    # Messages
+
+    def write(self, data: bytes) -> None:
+        """A write message: the register pointer, then bytes for it and the registers after it. Raises `Nack`."""
+        self._begin()
+        if data:
+            self._pointer = data[0] & 0x7F
+        for value in data[1:]:
+            self._store(self._pointer, value)
+            self._refresh()
+            self._step()
+
+    def read(self, n: int) -> bytes:
+        """A read message of `n` bytes, from the register pointer on. Raises `Nack`.
+
+        Raises EndOfData where a recording is exhausted, its last frame is read, and a sample is asked for.
+        """
+        self._begin()
+        end = min(self._pointer + n, reg.FIFO_R_W + 1) if self._pointer <= reg.FIFO_R_W else self._pointer
+        if self._past_end and not self.fifo and not _NEEDS_SAMPLES.isdisjoint(range(self._pointer, end)):
+            raise EndOfData("the recording behind the fake chip is at its end: stop, or open it anew to play it again")
+        answer = bytearray()
+        while len(answer) < n:
+            if self._pointer == reg.FIFO_R_W:
+                answer += self._pop(n - len(answer))
+            else:
+                answer.append(self._load(self._pointer))
+                self._step()
+        if self.registers[reg.INT_PIN_CFG] & reg.INT_RD_CLEAR:
+            self.registers[reg.INT_STATUS] = 0
+        return bytes(answer)
+
+    def stop(self) -> None:
+        """The end of a transaction: from here on the sensor registers show newer samples."""
+        self._in_transaction = False
+
+    # Around the chip
+
+    def unplug(self) -> None:
+        """The bus lines come off: nothing is acknowledged. The chip itself goes on; see `power_cut`."""
+        self._plugged = False
+
+    def plug(self) -> None:
+        """The bus lines are back."""
+        self._plugged = True
+
+    def power_cut(self) -> None:
+        """The supply fails and comes back: power-up values, asleep, FIFO empty."""
+        self._power_up()
+        self._refresh()
+        self._shadow = NO_DATA
+
+    def true_rate_hz(self) -> float:
+        """Samples a second of true time; 0 while the chip does not sample."""
+        self._refresh()
+        return NS_PER_S / self._run.period_ns if self._run else 0.0
+
+    def world_time_s(self, t_ns: int) -> float:
+        """Time of the motion at clock time `t_ns`."""
+        return (t_ns - self.birth_ns) / NS_PER_S
+
+    # Time
+
+    def _begin(self) -> None:
+        if not self._plugged:
+            raise Nack
+        if not self._in_transaction:
+            self._in_transaction = True
+            self._advance()
+            self._refresh()
+        if self._resetting and self.nack_in_reset:
+            raise Nack
+
+    @property
+    def _resetting(self) -> bool:
+        return bool(self.registers[reg.PWR_MGMT_1] & reg.DEVICE_RESET)
+
+    def _advance(self) -> None:
+        """Take the samples that fell since the last look."""
+        now_ns = self.clock.now_ns()
+        if self._resetting and now_ns >= self._reset_done_ns:
+            self.registers[reg.PWR_MGMT_1] &= ~reg.DEVICE_RESET & 0xFF
+        run = self._run
+        if run is None:
+            return
+        due, limit = run.samples_by(now_ns), self.source.limit(run)
+        self._past_end = limit is not None and due > limit
+        if limit is not None:
+            due = min(due, limit)
+        new = due - self._taken
+        if new <= 0:
+            return
+        self._taken = due
+        self.samples_taken += new
+        self._shadow = None
+        # Both bits are set whether or not INT_ENABLE lets them out to the pin.
+        self.registers[reg.INT_STATUS] |= reg.DATA_RDY_INT
+        words = self._setup.fifo_words
+        if words:
+            # Of more samples than the FIFO holds only the newest can be seen, but one more, so that it overflows.
+            seen = min(new, SIZE // (2 * len(words)) + 1)
+            self._push(self._prefetch.frames(run, self._setup, due - seen, due))
+
+    def _refresh(self) -> None:
+        """Follow the configuration registers."""
+        setup = decode(self.registers)
+        if setup == self._setup:
+            return
+        self._newest()
+        before, self._setup = self._setup, setup
+        self._prefetch.clear()
+        if not setup.awake:
+            self._run, self._shadow = None, NO_DATA
+        elif self._run is None or _timing(before) != _timing(setup):
+            self._run = self._new_run(setup)
+            self._taken = 0
+        if setup.frozen != before.frozen:
+            self._prefetch.held = self._newest()
+        if setup.fifo_words and not self._fifo_begun and self._run:
+            self._fifo_begun = True
+            self.source.fifo_begins(self._run, self._taken)
+
+    def _new_run(self, setup: Setup) -> Run:
+        now_ns = self.clock.now_ns()
+        nominal_hz = 8000 if setup.fast else 1000
+        error = self.pll_error if setup.on_pll else self.internal_error
+        self._runs += 1
+        return Run(
+            number=self._runs,
+            start_ns=now_ns,
+            awake_since_ns=self._run.awake_since_ns if self._run else now_ns,
+            tick_ns=NS_PER_S / (nominal_hz * (1 + error)),
+            nominal_hz=nominal_hz,
+            divider=setup.divider,
+        )
+
+    # Registers
+
+    def _power_up(self) -> None:
+        self.registers[:] = bytes(reg.COUNT)
+        for register, value in reg.POWER_UP.items():
+            self.registers[register] = value
+        struct.pack_into(">3h", self.registers, reg.ACCEL_OFFSETS, *self.accel_trim)
+        self.registers[reg.SELF_TEST_X : reg.SELF_TEST_X + 4] = bytes(self.self_test_codes)
+        self.fifo.clear()
+
+    def _step(self) -> None:
+        # The pointer stays on FIFO_R_W: a burst that reaches it goes on popping.
+        if self._pointer != reg.FIFO_R_W:
+            self._pointer = (self._pointer + 1) % reg.COUNT
+
+    def _load(self, register: int) -> int:
+        if reg.ACCEL_XOUT_H <= register <= reg.GYRO_ZOUT_L:
+            self.registers[reg.ACCEL_XOUT_H : reg.GYRO_ZOUT_L + 1] = self._newest()
+        elif register == reg.FIFO_COUNTH:  # latches the low byte too (RM 4.33)
+            self.registers[reg.FIFO_COUNTH : reg.FIFO_COUNTL + 1] = len(self.fifo).to_bytes(2, "big")
+        value = self.registers[register]
+        if register == reg.INT_STATUS:
+            self.registers[reg.INT_STATUS] = 0
+        return value
+
+    def _pop(self, n: int) -> bytes:
+        # A FIFO that is switched off cannot be read (RM 4.29).
+        if self.registers[reg.USER_CTRL] & reg.USER_FIFO_EN:
+            return self.fifo.pop(n)
+        return bytes([self.fifo.last_read]) * n
+
+    def _push(self, data: bytes) -> None:
+        if self.fifo.push(data):
+            self.registers[reg.INT_STATUS] |= reg.FIFO_OFLOW_INT
+
+    def _store(self, register: int, value: int) -> None:
+        self.written.append((register, value))
+        asleep = self.registers[reg.PWR_MGMT_1] & reg.SLEEP
+        if self._resetting or register in reg.READ_ONLY or (asleep and register not in reg.WRITABLE_ASLEEP):
+            return
+        if register == reg.PWR_MGMT_1 and value & reg.DEVICE_RESET:
+            self._power_up()
+            self.registers[reg.PWR_MGMT_1] |= reg.DEVICE_RESET
+            self._reset_done_ns = self.clock.now_ns() + RESET_NS
+            return
+        if register == reg.FIFO_R_W:
+            if self.registers[reg.USER_CTRL] & reg.USER_FIFO_EN:
+                self._push(bytes([value]))
+            return
+        if register == reg.USER_CTRL:
+            # FIFO_RESET acts only while FIFO_EN is 0, in the same byte too (RM 4.29).
+            if value & reg.USER_FIFO_RESET and not value & reg.USER_FIFO_EN:
+                self.fifo.clear()
+            if value & reg.USER_SIG_COND_RESET:
+                self._shadow = NO_DATA
+        self.registers[register] = value & reg.STICKS.get(register, 0xFF)
+
+    def _newest(self) -> bytes:
+        """The 14 sensor bytes of the newest sample."""
+        if self._shadow is None and self._run is not None:
+            self._shadow = self._prefetch.sample(self._run, self._setup, self._taken - 1)
+        return self._shadow or NO_DATA
+
+
+def _timing(setup: Setup) -> tuple[bool, bool, int]:
+    return setup.fast, setup.on_pll, setup.divider

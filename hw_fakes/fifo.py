@@ -1,0 +1,37 @@
+"""The FIFO: 1024 bytes that know nothing of frames (RM 4.33)."""
+
+from __future__ import annotations
+
+SIZE = 1024
+
+
+class Fifo:
+    """Bytes in, bytes out, oldest first; what does not fit pushes the oldest out."""
+
+    def __init__(self) -> None:
+        self.content = bytearray()
+        self.last_read = 0
+
+    def __len__(self) -> int:
+        return len(self.content)
+
+    def push(self, data: bytes) -> bool:
+        """Take `data`; True where bytes were lost for it."""
+        self.content += data
+        lost = len(self.content) - SIZE
+        if lost <= 0:
+            return False
+        del self.content[:lost]
+        return True
+
+    def pop(self, n: int) -> bytes:
+        """The next `n` bytes; once empty, the last byte read again and again (RM 4.34)."""
+        data = bytes(self.content[:n])
+        del self.content[:n]
+        if data:
+            self.last_read = data[-1]
+        return data + bytes([self.last_read]) * (n - len(data))
+
+    def clear(self) -> None:
+        """Forget all bytes."""
+        self.content.clear()

@@ -1,0 +1,53 @@
+"""A chunk of samples made bytes at once, so that a transaction only slices."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hw_fakes.samples import Run, SampleSource
+from hw_fakes.setup import Setup
+
+NO_DATA = bytes(14)
+_BIG_ENDIAN = np.dtype(np.int16).newbyteorder(">")
+
+
+class Prefetch:
+    """One chunk of samples as bytes, ready to be sliced; a change of configuration throws it away."""
+
+    def __init__(self, source: SampleSource) -> None:
+        self._source = source
+        self._chunk = -1
+        self._bytes = b""
+        self._frames = b""
+        self.held = NO_DATA  # what axes in standby go on showing
+
+    def clear(self) -> None:
+        self._chunk = -1
+
+    def sample(self, run: Run, setup: Setup, n: int) -> bytes:
+        """The 14 sensor bytes of sample n of the run."""
+        chunk, row = divmod(n, run.chunk)
+        self._fetch(run, setup, chunk)
+        return self._bytes[14 * row : 14 * row + 14]
+
+    def frames(self, run: Run, setup: Setup, first: int, end: int) -> bytes:
+        """The FIFO's frames of samples `first` up to `end` of the run."""
+        size = 2 * len(setup.fifo_words)
+        out = b""
+        while first < end:
+            chunk, row = divmod(first, run.chunk)
+            self._fetch(run, setup, chunk)
+            rows = min(end - first, run.chunk - row)
+            out += self._frames[row * size : (row + rows) * size]
+            first += rows
+        return out
+
+    def _fetch(self, run: Run, setup: Setup, chunk: int) -> None:
+        if chunk == self._chunk:
+            return
+        words = self._source.words(run, setup, chunk)
+        for word in setup.frozen:
+            words[:, word] = int.from_bytes(self.held[2 * word : 2 * word + 2], "big", signed=True)
+        self._chunk = chunk
+        self._bytes = words.astype(_BIG_ENDIAN).tobytes()
+        self._frames = words[:, setup.fifo_words].astype(_BIG_ENDIAN).tobytes()
