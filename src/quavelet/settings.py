@@ -1,0 +1,148 @@
+"""All that can be set, from three places: the defaults here, a TOML file, the command line."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import cast
+
+import msgspec
+
+from quavelet.attitude.pid import PidParams
+from quavelet.core.errors import SettingsError
+from quavelet.mpu6050.config import ChipConfig
+
+Value = str | int | float | bool
+Tables = dict[str, dict[str, Value]]
+
+
+class BusSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Where the chip is.
+
+    name      "linux:N" for /dev/i2c-N, or "fake:NAME"
+    address   0x68, or 0x69 with AD0 high
+    """
+
+    name: str = "linux:1"
+    address: int = 0x68
+
+    def __post_init__(self) -> None:
+        if not 0x08 <= self.address <= 0x77:
+            raise SettingsError(f"address = {self.address} is not a 7-bit device address: give 0x68 or 0x69")
+
+
+class StartSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """How the gyroscope's bias is found.
+
+    still_s         how long the board must be still for its mean rate to be taken as the bias, s
+    gyro_bias_dps   a bias known beforehand, deg/s x y z; empty: measure it
+    """
+
+    still_s: float = 2.0
+    gyro_bias_dps: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not 0.5 <= self.still_s <= 60.0:
+            raise SettingsError(f"still_s = {self.still_s} does not fit: give 0.5 to 60 s")
+        if len(self.gyro_bias_dps) not in (0, 3) or not all(abs(x) <= 50.0 for x in self.gyro_bias_dps):
+            raise SettingsError("gyro_bias_dps takes three numbers within +-50 deg/s, or none")
+
+
+class LoopSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The fixed-step loop.
+
+    rate_hz           how often the FIFO is drained and a message goes out
+    priority          SCHED_FIFO priority, 0 to leave the scheduler alone
+    lock_memory, cpu_dma_latency, timer_slack, tune_gc   real-time settings to try
+    """
+
+    rate_hz: float = 100.0
+    priority: int = 50
+    lock_memory: bool = True
+    cpu_dma_latency: bool = True
+    timer_slack: bool = True
+    tune_gc: bool = True
+
+    def __post_init__(self) -> None:
+        if not 1.0 <= self.rate_hz <= 1000.0:
+            raise SettingsError(f"rate_hz = {self.rate_hz} does not fit: give 1 to 1000")
+        if not 0 <= self.priority <= 99:
+            raise SettingsError(f"priority = {self.priority} does not fit: give 0 (off) to 99")
+
+
+class Settings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """One table of the TOML file each."""
+
+    bus: BusSettings = BusSettings()
+    chip: ChipConfig = ChipConfig(gyro_range_dps=500, accel_range_g=4, dlpf=3, sample_rate_hz=200.0)
+    start: StartSettings = StartSettings()
+    filter: PidParams = PidParams()
+    loop: LoopSettings = LoopSettings()
+
+    def __post_init__(self) -> None:
+        # A drain must come while the 1024-byte FIFO has room: 70 frames, and half of that for late wake-ups.
+        slowest = self.chip.sample_rate_hz / 35.0
+        if self.loop.rate_hz < slowest:
+            raise SettingsError(
+                f"loop.rate_hz = {self.loop.rate_hz:g} is too slow for chip.sample_rate_hz = "
+                f"{self.chip.sample_rate_hz:g}: the chip's FIFO would overflow; give {slowest:g} or more"
+            )
+
+
+@dataclass(frozen=True, slots=True)
+class LoadedSettings:
+    """The settings and where each value came from: origin["chip.dlpf"] is "default", a file, or an option."""
+
+    settings: Settings
+    origin: Mapping[str, str]
+
+
+def load_settings(path: Path | None = None, *, options: Mapping[str, Value] | None = None) -> LoadedSettings:
+    """Defaults, then the file's values, then `options` ("bus.name" to value), the later ones winning.
+
+    Raises SettingsError naming the file and the key.
+    """
+    tables = cast(Tables, msgspec.to_builtins(Settings()))
+    origin = {f"{table}.{key}": "default" for table, keys in tables.items() for key in keys}
+    if path is not None:
+        for table, keys in _read_toml(path).items():
+            if not isinstance(keys, dict):
+                raise SettingsError(f"{path}: {table} stands outside a table: write it under one of {_known(tables)}")
+            if table not in tables:
+                raise SettingsError(f"{path}: unknown table [{table}]: the tables are {_known(tables)}")
+            for key, value in keys.items():
+                if key not in tables[table]:
+                    raise SettingsError(f"{path}: unknown key {table}.{key}: [{table}] has {_known(tables[table])}")
+                tables[table][key] = value
+                origin[f"{table}.{key}"] = str(path)
+    for name, value in (options or {}).items():
+        table, _, key = name.partition(".")
+        tables[table][key] = value
+        origin[name] = "command line"
+    where = str(path) if path is not None else "settings"
+    return LoadedSettings(parse_settings(tables, where=where), origin)
+
+
+def parse_settings(tables: object, *, where: str) -> Settings:
+    """`Settings` of plain tables. Raises SettingsError that begins with `where` and names the key."""
+    try:
+        return msgspec.convert(tables, Settings)
+    except msgspec.ValidationError as error:
+        text, _, place = str(error).partition(" - at `$.")
+        key = place.rstrip("`").replace("[...]", "")
+        raise SettingsError(f"{where}: {key + ': ' if key else ''}{text}") from error
+
+
+def _read_toml(path: Path) -> dict[str, object]:
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise SettingsError(f"{path}: cannot be read ({error.strerror}): give the path of a TOML file") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise SettingsError(f"{path}: is not TOML: {error}") from error
+
+
+def _known(names: Mapping[str, object]) -> str:
+    return ", ".join(names)
