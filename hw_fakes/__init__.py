@@ -2,6 +2,28 @@
 
 from hw_fakes.bus import FakeBus
 from hw_fakes.chip import FakeMpu6050, Nack
-from hw_fakes.scenarios import open_fake
+from hw_fakes.counts import RecordedCounts
+from hw_fakes.imperfections import PERFECT, TYPICAL, Imperfections
+from hw_fakes.motion import Motion, Still, Sway, Tilt, Turntable
+from hw_fakes.scenarios import counts_chip, open_fake
+from hw_fakes.script import ScriptedBus, Write, WriteRead
 
-__all__ = ["FakeBus", "FakeMpu6050", "Nack", "open_fake"]
+__all__ = [
+    "PERFECT",
+    "TYPICAL",
+    "FakeBus",
+    "FakeMpu6050",
+    "Imperfections",
+    "Motion",
+    "Nack",
+    "RecordedCounts",
+    "ScriptedBus",
+    "Still",
+    "Sway",
+    "Tilt",
+    "Turntable",
+    "Write",
+    "WriteRead",
+    "counts_chip",
+    "open_fake",
+]

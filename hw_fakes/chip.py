@@ -35,7 +35,7 @@ class FakeMpu6050:
     written        every (register, value) received, also those without effect
     samples_taken  since construction
     fifo           the bytes waiting
-    motion         the truth
+    motion         the truth; None where the samples come from elsewhere
     """
 
     def __init__(
@@ -59,11 +59,11 @@ class FakeMpu6050:
         self_test_codes            registers 0x0D to 0x10
         nack_in_reset              for 100 ms after DEVICE_RESET it does not answer; otherwise it answers reset values,
                                    with DEVICE_RESET still set, and forgets what is written
-        source                     where the samples come from, if not from motion and imperfections
+        source                     where the samples come from, in place of motion and imperfections
         """
         self.clock = clock
         self.birth_ns = clock.now_ns()
-        self.motion: Motion = Still() if motion is None else motion
+        self.motion = motion if motion is not None or source is not None else Still()
         self.imperfections = imperfections
         self.pll_error = pll_error
         self.internal_error = internal_error
@@ -71,7 +71,7 @@ class FakeMpu6050:
         self.self_test_codes = self_test_codes
         self.nack_in_reset = nack_in_reset
         self.source: SampleSource = source or MotionSource(
-            self.motion,
+            self.motion or Still(),
             imperfections,
             seed=seed,
             birth_ns=self.birth_ns,
@@ -114,8 +114,8 @@ class FakeMpu6050:
         Raises EndOfData where a recording is exhausted, its last frame is read, and a sample is asked for.
         """
         self._begin()
-        end = min(self._pointer + n, reg.FIFO_R_W + 1) if self._pointer <= reg.FIFO_R_W else self._pointer
-        if self._past_end and not self.fifo and not _NEEDS_SAMPLES.isdisjoint(range(self._pointer, end)):
+        asked = range(self._pointer, self._pointer + n)
+        if self._past_end and not self.fifo and not _NEEDS_SAMPLES.isdisjoint(asked):
             raise EndOfData("the recording behind the fake chip is at its end: stop, or open it anew to play it again")
         answer = bytearray()
         while len(answer) < n:
@@ -180,6 +180,7 @@ class FakeMpu6050:
             self.registers[reg.PWR_MGMT_1] &= ~reg.DEVICE_RESET & 0xFF
         run = self._run
         if run is None:
+            self._past_end = False
             return
         due, limit = run.samples_by(now_ns), self.source.limit(run)
         self._past_end = limit is not None and due > limit
