@@ -89,6 +89,13 @@ def test_a_tick_that_ends_just_at_the_next_deadline_has_not_missed_it() -> None:
     assert (loop.stats.ticks, loop.stats.missed, loop.stats.lateness_max_ns) == (5, 0, 0)
 
 
+def test_deadlines_after_the_end_of_the_run_are_not_missed() -> None:
+    clock = VirtualClock()
+    loop = FixedStepLoop(clock, period_ns=PERIOD_NS, tick=recorded([], lambda: clock.advance_ns(9 * PERIOD_NS + 1)))
+    loop.run(until_ns=4 * PERIOD_NS)
+    assert (loop.stats.ticks, loop.stats.missed) == (1, 3)
+
+
 @given(
     st.lists(st.integers(0, 4 * PERIOD_NS), max_size=30),
     st.lists(st.integers(0, 4 * PERIOD_NS), max_size=30),
@@ -115,6 +122,25 @@ def test_the_loop_ends_when_the_tick_says_so() -> None:
     loop = FixedStepLoop(VirtualClock(), period_ns=10, tick=tick)
     loop.run()
     assert seen_ns == [10, 20, 30]
+
+
+def test_iterating_gives_the_same_deadlines_as_ticks_and_skips_what_the_body_overran() -> None:
+    clock, seen_ns = VirtualClock(), list[int]()
+    loop = FixedStepLoop(clock, period_ns=10)
+    for deadline_ns in loop.deadlines(until_ns=60):
+        seen_ns.append(deadline_ns)
+        clock.advance_ns(25 if deadline_ns == 20 else 1)
+    assert seen_ns == [10, 20, 50, 60]
+    assert (loop.stats.ticks, loop.stats.missed, loop.stats.duration_max_ns) == (4, 2, 25)
+
+
+def test_leaving_the_iteration_early_leaves_the_loop_fit_for_another() -> None:
+    clock = VirtualClock()
+    loop = FixedStepLoop(clock, period_ns=10)
+    assert next(iter(loop.deadlines())) == 10
+    clock.advance_ns(7)
+    assert list(loop.deadlines(until_ns=40)) == [27, 37]
+    assert (loop.stats.ticks, loop.stats.missed) == (3, 0)
 
 
 def test_what_a_tick_raises_reaches_the_caller() -> None:

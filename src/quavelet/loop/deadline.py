@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from quavelet.core.clock import Clock
@@ -17,7 +17,7 @@ class LoopStats:
     ticks     deadlines that were served
     missed    deadlines that passed before the loop was free, and were skipped
     lateness  from the deadline to the wake-up
-    duration  of the tick itself
+    duration  of the tick itself; a tick that ends the run of its own accord is left out
     """
 
     ticks: int
@@ -31,13 +31,16 @@ class LoopStats:
 
 
 class FixedStepLoop:
-    """Calls `tick(deadline_ns)` at start + k period, k = 1, 2, ..., until it returns False.
+    """Gives the deadlines start + k period, k = 1, 2, ..., each as it is reached.
 
     The deadlines are absolute, so lateness never adds up. A deadline that is past by the time the loop
     is free is counted as missed and skipped: a late loop drops its work, it does not catch up by a burst.
+
+    Either iterate over `deadlines`, the tick being what is done between two of them, or give `tick` and call
+    `run`: the tick is called with each deadline in ns and returns False to end the run.
     """
 
-    def __init__(self, clock: Clock, *, period_ns: int, tick: Callable[[int], bool]) -> None:
+    def __init__(self, clock: Clock, *, period_ns: int, tick: Callable[[int], bool] | None = None) -> None:
         """Raises SettingsError unless period_ns > 0."""
         if period_ns <= 0:
             raise SettingsError(f"the loop's period must be positive, not {period_ns} ns")
@@ -50,9 +53,18 @@ class FixedStepLoop:
         self.duration = Histogram()
 
     def run(self, until_ns: int | None = None) -> None:
-        """Serve every deadline up to and including `until_ns`, for ever where it is None.
+        """Call the tick at every deadline up to and including `until_ns`, for ever where it is None.
 
         Returns early after `stop`, or when the tick returns False. What the tick raises comes through.
+        """
+        for deadline_ns in self.deadlines(until_ns):
+            if self._tick is not None and not self._tick(deadline_ns):
+                return
+
+    def deadlines(self, until_ns: int | None = None) -> Iterator[int]:
+        """Every deadline in ns up to and including `until_ns`, for ever where it is None, or until `stop`.
+
+        The first is one period after the first value is asked for.
         """
         clock, period_ns = self._clock, self._period_ns
         deadline_ns = clock.now_ns() + period_ns
@@ -62,10 +74,10 @@ class FixedStepLoop:
                 return
             woken_ns = clock.now_ns()
             self.lateness.add(woken_ns - deadline_ns)
-            go_on = self._tick(deadline_ns)
+            yield deadline_ns
             done_ns = clock.now_ns()
             self.duration.add(done_ns - woken_ns)
-            if not go_on or self._stopped:
+            if self._stopped:
                 return
             deadline_ns += period_ns
             # A deadline reached to the nanosecond can still be served; those before it cannot.
