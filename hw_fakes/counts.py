@@ -57,7 +57,8 @@ class RecordedCounts:
         Raises SettingsError, naming the file, where it cannot be read or lacks something.
         """
         try:
-            with np.load(path, allow_pickle=False) as file:
+            # Opened here, since numpy leaves a file open that turns out to be damaged.
+            with Path(path).open("rb") as opened, np.load(opened, allow_pickle=False) as file:
                 arrays = {name: np.asarray(file[name]) for name in file.files}
         except FileNotFoundError:
             raise SettingsError(f"there is no recording {path}: check the name after fake:counts:") from None

@@ -110,20 +110,20 @@ class MotionSource:
         slow_by = run.nominal_hz // 1000
         gyro = _filtered(past_gyro, gyro, dlpf.taps("gyro", setup.dlpf))
         accel = _filtered(past_accel, accel, dlpf.taps("accel", setup.dlpf))
-        at = np.arange(run.divider - 1, len(gyro), run.divider)
+        at = np.arange(run.divider - 1, run.chunk * run.divider, run.divider)
         temp = self._temperature_degc(run, chunk, at)
         values = np.column_stack(
             [
-                self._accel_lsb(accel[at // slow_by], setup),
+                self._accel_lsb(accel[(at + 1) // slow_by], setup),
                 (temp - 36.53) * 340.0,  # RM 4.18
-                self._gyro_lsb(gyro[at], setup),
+                self._gyro_lsb(gyro[at + 1], setup),
             ]
         )
         return np.clip(np.rint(values), -32768, 32767).astype(np.int16)
 
     def _times_s(self, run: Run, chunk: int, every: int) -> FloatArray:
         ticks = run.chunk * run.divider
-        tick = np.arange(chunk * ticks + 1, (chunk + 1) * ticks + 1, every)
+        tick = np.arange(chunk * ticks + every, (chunk + 1) * ticks + 1, every)
         t_s: FloatArray = (run.start_ns - self.birth_ns + tick * run.tick_ns) / NS_PER_S
         return t_s
 
@@ -190,7 +190,8 @@ def factory_response(codes: tuple[int, int, int, int]) -> FloatArray:
 
 
 def _filtered(past: FloatArray, now: FloatArray, response: FloatArray) -> FloatArray:
-    if len(response) - 1 > len(past):
+    """The filter's output for the last row of `past` and for all of `now`."""
+    if len(response) > len(past):
         raise ValueError("a chunk is shorter than the filter's memory: compute more samples together")
-    whole = np.concatenate([past[len(past) - len(response) + 1 :], now])
+    whole = np.concatenate([past[len(past) - len(response) :], now])
     return np.stack([np.convolve(axis, response, "valid") for axis in whole.T], 1)
