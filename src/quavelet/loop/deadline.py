@@ -68,17 +68,15 @@ class FixedStepLoop:
         """
         clock, period_ns = self._clock, self._period_ns
         deadline_ns = clock.now_ns() + period_ns
-        while until_ns is None or deadline_ns <= until_ns:
+        while not self.stopped() and (until_ns is None or deadline_ns <= until_ns):
             clock.sleep_until_ns(deadline_ns)
-            if self._stopped:
+            if self.stopped():
                 return
             woken_ns = clock.now_ns()
             self.lateness.add(woken_ns - deadline_ns)
             yield deadline_ns
             done_ns = clock.now_ns()
             self.duration.add(done_ns - woken_ns)
-            if self._stopped:
-                return
             deadline_ns += period_ns
             # A deadline reached to the nanosecond can still be served; those before it cannot.
             past_ns = done_ns if until_ns is None else min(done_ns, until_ns + 1)
@@ -92,6 +90,10 @@ class FixedStepLoop:
         Safe from another thread and from a signal handler; a stopped loop stays stopped.
         """
         self._stopped = True
+
+    def stopped(self) -> bool:
+        """Whether `stop` was called."""
+        return self._stopped
 
     @property
     def stats(self) -> LoopStats:
