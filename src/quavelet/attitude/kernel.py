@@ -7,7 +7,7 @@ al. 2020) as corrected in this project's notes.
 
 from __future__ import annotations
 
-from math import cos, sin, sqrt
+from math import atan2, cos, sin, sqrt
 from typing import Literal
 
 Vector = tuple[float, float, float]
@@ -92,21 +92,14 @@ def tilt_error(q: Quaternion, force: Vector) -> Vector:
     return cross((fx * r, fy * r, fz * r), up_in_body(q))
 
 
-def levelled(q: Quaternion, force: Vector) -> Quaternion:
-    """`q` turned by the smallest world rotation that brings the measured up to the vertical; heading is kept."""
-    w, x, y, z = q
+def standing(force: Vector) -> Quaternion:
+    """The attitude of a board at rest on which `force` is measured: roll and pitch from it, yaw zero.
+
+    Not the smallest rotation, for that one has a yaw of its own when both angles are large.
+    """
     fx, fy, fz = force
-    n2 = fx * fx + fy * fy + fz * fz
-    if n2 < 1e-12:
-        return q
-    r = 1.0 / sqrt(n2)
-    # The measured up in the world, u = C a; the rotation taking u to z is [1 + u_z, u_y, -u_x, 0].
-    ux = ((w * w + x * x - y * y - z * z) * fx + 2.0 * (x * y - w * z) * fy + 2.0 * (x * z + w * y) * fz) * r
-    uy = (2.0 * (x * y + w * z) * fx + (w * w - x * x + y * y - z * z) * fy + 2.0 * (y * z - w * x) * fz) * r
-    uz = (2.0 * (x * z - w * y) * fx + 2.0 * (y * z + w * x) * fy + (w * w - x * x - y * y + z * z) * fz) * r
-    if uz < -0.999999:
-        return normalised(product((0.0, 1.0, 0.0, 0.0), q))  # upside down: any horizontal axis serves
-    return normalised(product((1.0 + uz, uy, -ux, 0.0), q))
+    pitch, roll = 0.5 * atan2(-fx, sqrt(fy * fy + fz * fz)), 0.5 * atan2(fy, fz)
+    return product((cos(pitch), 0.0, sin(pitch), 0.0), (cos(roll), sin(roll), 0.0, 0.0))
 
 
 def clamped(a: Vector, limit: float) -> Vector:

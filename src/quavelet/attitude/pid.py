@@ -26,7 +26,7 @@ from quavelet.attitude.kernel import (
     Method,
     Quaternion,
     Vector,
-    levelled,
+    standing,
     step,
     tilt_error,
     up_in_body,
@@ -163,14 +163,14 @@ class PidFilter:
         bias_known: bool,
     ) -> PidState:
         if s.rate_rad_s is None:
-            q = levelled(IDENTITY, force)
+            q = standing(force)
             return PidState(q=q, rate_rad_s=rate, bias_known=bias_known, acquiring=not bias_known)
         if bias_known and not s.bias_known:
             s = _with_bias_known(s, rate)
         if gap_s > 0.0 and s.rate_rad_s is not None:
             s = _bridged(s, rate, gap_s, self.params.method)
         if still and not bias_known:
-            return _levelled(s, rate, force, dt)
+            return _standing_still(s, rate, force, dt)
         gains = self._acquire_gains(s) if s.acquiring else self._gains
         last = s.rate_rad_s or rate
         cx, cy, cz = s.correction.rate_rad_s
@@ -251,10 +251,10 @@ def _bridged(s: PidState, rate: Vector, gap_s: float, method: Method) -> PidStat
     return s
 
 
-def _levelled(s: PidState, rate: Vector, force: Vector, dt: float) -> PidState:
+def _standing_still(s: PidState, rate: Vector, force: Vector, dt: float) -> PidState:
     """Still with an unknown bias: the rate says nothing, the mean accelerometer all there is to know."""
     x, y, z = s.level_sum
     level_sum = (x + force[0], y + force[1], z + force[2])
-    q = levelled(s.q, level_sum)
+    q = standing(level_sum)
     doubt = after_step(s.doubt, tilt_error(q, force), 0.0, dt, 1.0)
     return replace(s, q=q, rate_rad_s=rate, correction=Correction(), doubt=doubt, level_sum=level_sum)

@@ -1,0 +1,1 @@
+"""At the bench: is this board good?"""

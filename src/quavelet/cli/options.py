@@ -1,0 +1,45 @@
+"""The options that several commands share, and the settings they give."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from quavelet.core.errors import SettingsError
+from quavelet.settings import LoadedSettings, Settings, Value, load_settings
+
+Bus = Annotated[str | None, typer.Option("--bus", help="linux:N for /dev/i2c-N, or fake:NAME.", show_default=False)]
+Address = Annotated[
+    str | None, typer.Option("--address", help="0x68, or 0x69 with AD0 high.", show_default=False, metavar="ADDRESS")
+]
+Config = Annotated[Path | None, typer.Option("--config", help="A TOML settings file.", show_default=False)]
+Json = Annotated[bool, typer.Option("--json", help="JSON lines even on a terminal.")]
+Duration = Annotated[float | None, typer.Option("--duration", help="Stop after this many seconds.", min=0.01)]
+Record = Annotated[Path | None, typer.Option("--record", help="Write a recording to this file.", show_default=False)]
+VirtualTime = Annotated[
+    bool, typer.Option("--virtual-time", help="On a fake bus: as fast as the machine can, on a clock of its own.")
+]
+
+
+def settings_of(bus: str | None, address: str | None, config: Path | None) -> LoadedSettings:
+    """The settings with these options on top. Raises SettingsError; a bad address is a usage error."""
+    options: dict[str, Value] = {}
+    if bus is not None:
+        options["bus.name"] = bus
+    if address is not None:
+        try:
+            options["bus.address"] = int(address, 0)
+        except ValueError:
+            raise typer.BadParameter(
+                f"'{address}' is not an address: write it as 0x68", param_hint="--address"
+            ) from None
+    return load_settings(config, options=options)
+
+
+def on_virtual_time(settings: Settings, wanted: bool) -> bool:
+    """`wanted`. Raises SettingsError where the bus is not a fake one: real wires keep real time."""
+    if wanted and not settings.bus.name.startswith("fake:"):
+        raise SettingsError(f"--virtual-time needs a fake bus, {settings.bus.name} keeps real time: leave it out")
+    return wanted

@@ -1,0 +1,77 @@
+"""`quavelet replay`: a recording through the same decoder, pipeline and outputs as live."""
+
+from __future__ import annotations
+
+import sys
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from quavelet.cli import options
+from quavelet.cli.panel import LivePanel, Status
+from quavelet.cli.run import QUEUE_DEPTH, outcome, stopped_by_signals, talk, tell_counts
+from quavelet.core.clock import MonotonicClock
+from quavelet.core.errors import RecordingError
+from quavelet.core.health import Health
+from quavelet.loop.hub import Hub, Policy
+from quavelet.pipeline import build_pipeline
+from quavelet.recording.reader import RecordingReader
+from quavelet.recording.replay import ReplaySource, paced
+from quavelet.sinks.json_lines import JsonLines
+from quavelet.sinks.message import Message, message_of
+
+File = Annotated[Path, typer.Argument(help="A recording made by `run --record`.", show_default=False)]
+Speed = Annotated[
+    float | None,
+    typer.Option(help="1 as recorded, 2 twice as fast, inf without waiting [1 on a terminal, else inf].", min=1e-3),
+]
+
+
+def replay(
+    file: File,
+    config: options.Config = None,
+    json: options.Json = False,
+    speed: Speed = None,
+) -> None:
+    """Give the attitude of a recording, with the settings it was recorded with or those of --config."""
+    reader = RecordingReader(file)
+    health = Health()
+    source = ReplaySource(reader, health=health)
+    settings = options.settings_of(None, None, config).settings if config else source.settings
+    pipeline = build_pipeline(settings)
+    to_panel = sys.stdout.isatty() and not json
+    if speed is None:
+        speed = 1.0 if to_panel else float("inf")
+    hub: Hub[Message] = Hub()
+    stopped = False
+
+    def stop() -> None:
+        nonlocal stopped
+        stopped = True
+
+    with ExitStack() as stack:
+        if to_panel:
+            status = lambda: Status(source.decoder.measured_rate_hz, health, None)  # noqa: E731
+            hub.subscribe("output", stack.enter_context(LivePanel(Console(), status=status)), depth=1)
+        else:
+            hub.subscribe("output", JsonLines(sys.stdout.buffer), depth=QUEUE_DEPTH, policy=Policy.WAIT)
+        stack.callback(hub.close)
+        stack.enter_context(stopped_by_signals(stop))
+        for raw in paced(source, clock=MonotonicClock(), speed=speed):
+            if stopped or hub.failures():
+                break
+            if len(block := pipeline.process(raw)):
+                hub.publish(message_of(block, src=f"replay:{source.info.src}"))
+    tell_counts(health, source.info.src, source.decoder.measured_rate_hz)
+    code = outcome(hub)
+    try:
+        reader.check()
+    except RecordingError as error:
+        # All that could be read has been given; that it is not all is still a failure.
+        if not stopped and not hub.failures():
+            raise
+        talk(str(error))
+    raise typer.Exit(code)

@@ -1,0 +1,176 @@
+"""`quavelet run`: the attitude, live, to a panel on a terminal or as JSON lines."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from types import FrameType
+
+import typer
+from rich.console import Console
+
+from quavelet.bus.open import open_bus
+from quavelet.cli import exits, options
+from quavelet.cli.panel import LivePanel, Status
+from quavelet.core.clock import Clock, MonotonicClock, VirtualClock
+from quavelet.core.health import Health
+from quavelet.core.units import NS_PER_MS, NS_PER_S
+from quavelet.imu import Imu
+from quavelet.loop.deadline import LoopStats
+from quavelet.loop.hub import Hub, Policy
+from quavelet.loop.realtime import RealtimeSettings, apply_realtime
+from quavelet.mpu6050.drain import Drain
+from quavelet.mpu6050.stream import StreamInfo
+from quavelet.recording.writer import RecordingWriter
+from quavelet.settings import LoopSettings, Settings
+from quavelet.sinks.json_lines import JsonLines
+from quavelet.sinks.message import Message
+
+QUEUE_DEPTH = 256
+
+
+def run(
+    bus: options.Bus = None,
+    address: options.Address = None,
+    config: options.Config = None,
+    json: options.Json = False,
+    duration: options.Duration = None,
+    record: options.Record = None,
+    virtual_time: options.VirtualTime = False,
+) -> None:
+    """Give the attitude until stopped: a live panel on a terminal, JSON lines when piped or with --json."""
+    settings = options.settings_of(bus, address, config).settings
+    raise typer.Exit(run_live(settings, json=json, duration_s=duration, record=record, virtual_time=virtual_time))
+
+
+def run_live(
+    settings: Settings, *, json: bool, duration_s: float | None, record: Path | None, virtual_time: bool
+) -> int:
+    """Run the loop and its outputs; returns the exit code. Raises ImuError."""
+    for warning in settings.chip.warnings():
+        talk(f"note: {warning}")
+    virtual_time = options.on_virtual_time(settings, virtual_time)
+    clock: Clock = VirtualClock() if virtual_time else MonotonicClock()
+    policy = Policy.WAIT if virtual_time else Policy.LOSE_OLDEST
+    messages: Hub[Message] = Hub()
+    records: Hub[StreamInfo | Drain] = Hub()
+    with ExitStack() as stack:
+        i2c = stack.enter_context(open_bus(settings.bus.name, clock=clock))
+        if record is not None:
+            writer = RecordingWriter(record, settings=settings)
+            records.subscribe("recording", writer, depth=QUEUE_DEPTH, policy=policy)
+        stack.callback(records.close)
+        imu = Imu(i2c, settings=settings, clock=clock, on_stream=records.publish, on_drain=records.publish)
+        _subscribe_output(stack, messages, imu, json=json, policy=policy)
+        stack.callback(messages.close)
+        if not virtual_time:
+            _be_punctual(stack, settings.loop)
+        stack.enter_context(stopped_by_signals(imu.loop.stop))
+        until_ns = None if duration_s is None else clock.now_ns() + round(duration_s * NS_PER_S)
+        for message in imu.messages(until_ns=until_ns):
+            messages.publish(message)
+            if "output" in messages.failures():
+                break
+    tell_counts(imu.health, imu.bus.name, imu.measured_rate_hz)
+    _tell_loop(imu.loop.stats)
+    _tell_lost(messages)
+    return max(outcome(messages), _recording_outcome(records, record) if record else exits.OK)
+
+
+def talk(text: str) -> None:
+    """Say something to the person, on stderr."""
+    print(f"quavelet: {text}", file=sys.stderr)
+
+
+@contextmanager
+def stopped_by_signals(stop: Callable[[], None]) -> Iterator[None]:
+    """Ctrl-C and SIGTERM end the loop in good order, once; a second one ends the program at once."""
+
+    def handler(number: int, frame: FrameType | None) -> None:
+        del frame
+        signal.signal(number, signal.SIG_DFL)
+        stop()
+
+    before = {number: signal.signal(number, handler) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, old in before.items():
+            signal.signal(number, old)
+
+
+def _subscribe_output(stack: ExitStack, hub: Hub[Message], imu: Imu, *, json: bool, policy: Policy) -> None:
+    if json or not sys.stdout.isatty():
+        hub.subscribe("output", JsonLines(sys.stdout.buffer), depth=QUEUE_DEPTH, policy=policy)
+        return
+
+    def status() -> Status:
+        return Status(imu.measured_rate_hz, imu.health, imu.loop.stats)
+
+    panel = stack.enter_context(LivePanel(Console(), status=status))
+    # A panel shows the newest; it never needs a queue.
+    hub.subscribe("output", panel, depth=1)
+
+
+def _be_punctual(stack: ExitStack, loop: LoopSettings) -> None:
+    wanted = RealtimeSettings(
+        priority=loop.priority,
+        lock_memory=loop.lock_memory,
+        cpu_dma_latency=loop.cpu_dma_latency,
+        timer_slack=loop.timer_slack,
+        tune_gc=loop.tune_gc,
+    )
+    realtime = stack.enter_context(apply_realtime(wanted))
+    for setting in realtime.report:
+        talk(f"{setting.name}: {'done' if setting.done else 'refused'}, {setting.detail}")
+
+
+def tell_counts(health: Health, src: str, rate_hz: float | None) -> None:
+    """What came, what was lost, and every counter that is not zero, on stderr."""
+    rate = "sample rate not measured" if rate_hz is None else f"{rate_hz:.3f} samples/s measured"
+    talk(f"{health.samples} samples from {src}, {health.samples_lost} lost in {health.gaps} gaps, {rate}")
+    usual = ("samples", "drains", "fifo_empty")
+    troubles = {name: n for name, n in health.as_dict().items() if n and name not in usual}
+    if troubles:
+        talk("counted: " + ", ".join(f"{name} {n}" for name, n in troubles.items()))
+
+
+def outcome(messages: Hub[Message]) -> int:
+    """The exit code for what became of standard output."""
+    failure = messages.failures().get("output")
+    if failure is None:
+        return exits.OK
+    if isinstance(failure, BrokenPipeError):
+        exits.forget_stdout()
+        return exits.OK
+    talk(f"standard output failed: {failure}")
+    return exits.FAILED
+
+
+def _tell_loop(loop: LoopStats) -> None:
+    talk(
+        f"loop: {loop.ticks} ticks, {loop.missed} missed, late {loop.lateness_p50_ns / NS_PER_MS:.3f} ms p50, "
+        f"{loop.lateness_p99_ns / NS_PER_MS:.3f} ms p99, {loop.lateness_max_ns / NS_PER_MS:.3f} ms at most"
+    )
+
+
+def _tell_lost(messages: Hub[Message]) -> None:
+    for stats in messages.stats():
+        # A panel shows the newest only: what it did not show is not lost to anyone.
+        if stats.lost and not stats.failed and not sys.stdout.isatty():
+            talk(f"{stats.name}: {stats.lost} messages lost to a slow reader, {stats.delivered} delivered")
+
+
+def _recording_outcome(records: Hub[StreamInfo | Drain], path: Path) -> int:
+    (stats,) = records.stats()
+    broken = records.failures().get(stats.name)
+    if broken is not None:
+        talk(f"the recording is not complete: {broken}")
+    elif stats.lost:
+        talk(f"{path} has holes, the disk was too slow for {stats.lost} drains: each is marked as a gap on replay")
+    else:
+        return exits.OK
+    return exits.FAILED

@@ -1,0 +1,162 @@
+"""Reading a recording: all that can be read of it, and then what could not."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO
+
+import msgspec
+
+from quavelet.core.errors import RecordingError, WrongChip
+from quavelet.mpu6050.drain import Drain
+from quavelet.mpu6050.stream import StreamInfo
+from quavelet.mpu6050.variants import identify
+from quavelet.recording.format import MAGIC, MAGIC_WORD, VERSION, Header, Kind, unpack_drain, unpack_header
+from quavelet.recording.scan import Scanner
+
+_MAGIC_LINE_BYTES = 40
+
+
+@dataclass(frozen=True, slots=True)
+class Damage:
+    """What was found wrong with a recording.
+
+    places       damaged stretches between records
+    first_byte   where in the file the first damage is, None where there is none
+    drains_lost  drain numbers missing where a damaged stretch is; at the file's end nobody knows
+    truncated    the file ends without the record that `close` writes: it was cut, or never closed
+    """
+
+    places: int = 0
+    first_byte: int | None = None
+    drains_lost: int = 0
+    truncated: bool = False
+
+    @property
+    def found(self) -> bool:
+        """Whether anything is wrong."""
+        return self.places > 0 or self.truncated
+
+    @property
+    def records(self) -> int:
+        """So many records at least could not be read."""
+        return max(self.places, self.drains_lost)
+
+
+class RecordingReader:
+    """The recording in the file `path`.
+
+    Iterating gives, in bounded memory, each stream's `StreamInfo` and then its drains; it may be done again.
+    `header` is the first stream's, `damage` what the iteration has found up to now.
+    Raises RecordingError where there is no recording, or one this version cannot read.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+        self.damage = Damage()
+        self.header = self._first_header()
+
+    def __iter__(self) -> Iterator[StreamInfo | Drain]:
+        self.damage = Damage()
+        expected = lost = 0
+        previous = b""
+        with self._opened() as file:
+            file.seek(len(MAGIC))
+            scanner = Scanner(file)
+            for record in scanner:
+                item: StreamInfo | Drain | None = None
+                if record.kind == Kind.DRAIN:
+                    item = unpack_drain(record.payload)
+                    if record.after_damage:
+                        lost += max(0, item.seq - expected)
+                    expected = item.seq + 1
+                elif record.kind == Kind.HEADER and record.payload != previous:
+                    item = self._header_of(record.payload).stream
+                    previous, expected = record.payload, 0
+                self._note(scanner, lost)
+                if item is not None:
+                    yield item
+            self._note(scanner, lost)
+
+    def check(self) -> None:
+        """Raise RecordingError if what has been read up to now was damaged."""
+        damage = self.damage
+        if not damage.found:
+            return
+        what = "cut off, or never closed," if not damage.places else "damaged"
+        where = f"{self.path}: {what} at byte {damage.first_byte}"
+        if damage.places:
+            where += f" ({_number(damage.places, 'place')}, {_number(damage.drains_lost, 'drain')} lost)"
+            if damage.truncated:
+                where += " and cut off at its end"
+        raise RecordingError(f"{where}: all that could be read was given")
+
+    def _note(self, scanner: Scanner, lost: int) -> None:
+        damage = self.damage
+        if (damage.places, damage.truncated, damage.drains_lost) != (scanner.places, scanner.truncated, lost):
+            self.damage = Damage(scanner.places, scanner.first_byte, lost, scanner.truncated)
+
+    def _first_header(self) -> Header:
+        with self._opened() as file:
+            self._check_magic(file.read(_MAGIC_LINE_BYTES))
+            file.seek(len(MAGIC))
+            scanner = Scanner(file)
+            ended = False
+            for record in scanner:
+                if record.kind == Kind.HEADER:
+                    return self._header_of(record.payload)
+                ended = ended or record.kind == Kind.END
+            if scanner.places == 0 and (ended or scanner.first_byte == len(MAGIC) == file.tell()):
+                raise RecordingError(f"{self.path} holds no stream: it ended before the chip gave data; record again")
+        raise RecordingError(
+            f"{self.path} has a damaged header, nothing can be decoded without it: take another copy of it"
+        )
+
+    def _check_magic(self, begin: bytes) -> None:
+        if not begin:
+            raise RecordingError(f"{self.path} is empty: give a recording made by `quavelet run --record`")
+        if begin.startswith(MAGIC):
+            return
+        if MAGIC.startswith(begin):
+            raise RecordingError(f"{self.path} was cut off within its first line: nothing is left in it, record again")
+        number, newline, _ = begin.removeprefix(MAGIC_WORD).partition(b"\n")
+        if begin.startswith(MAGIC_WORD) and newline and number.isdigit():
+            raise RecordingError(
+                f"{self.path} is a recording of format {int(number)}, this version reads {VERSION}: update quavelet"
+            )
+        raise RecordingError(f"{self.path} is not a recording: give a file made by `quavelet run --record`")
+
+    def _header_of(self, payload: bytes) -> Header:
+        try:
+            header = unpack_header(payload)
+            identify(header.stream.who_am_i, bus=header.stream.src, address=header.stream.address)
+        except msgspec.DecodeError as error:
+            raise RecordingError(
+                f"{self.path} has a header this version does not understand ({error}): update quavelet"
+            ) from error
+        except WrongChip as error:
+            raise RecordingError(
+                f"{self.path} is of a chip this version does not know (WHO_AM_I 0x{error.found:02x}): update quavelet"
+            ) from error
+        return header
+
+    @contextmanager
+    def _opened(self) -> Iterator[BinaryIO]:
+        try:
+            with self.path.open("rb", buffering=0) as file:
+                yield file
+        except FileNotFoundError as error:
+            raise RecordingError(f"there is no recording {self.path}: check the name") from error
+        except IsADirectoryError as error:
+            raise RecordingError(f"{self.path} is a folder: give the recording's file in it") from error
+        except PermissionError as error:
+            raise RecordingError(f"{self.path} may not be read by this user: change its permissions") from error
+        except OSError as error:
+            raise RecordingError(f"{self.path} cannot be read on ({error.strerror}): check the disk") from error
+
+
+def _number(n: int, word: str) -> str:
+    return f"{n} {word}" if n == 1 else f"{n} {word}s"
