@@ -9,8 +9,9 @@ from hw_fakes.fifo import SIZE, Fifo
 from hw_fakes.imperfections import TYPICAL, Imperfections
 from hw_fakes.motion import Motion, Still
 from hw_fakes.prefetch import NO_DATA, Prefetch
-from hw_fakes.samples import MotionSource, Run, SampleSource
+from hw_fakes.samples import Run, SampleSource
 from hw_fakes.setup import Setup, decode
+from hw_fakes.signal_path import MotionSource
 from quavelet.core.clock import Clock
 from quavelet.core.errors import EndOfData
 from quavelet.core.units import NS_PER_MS, NS_PER_S
@@ -31,7 +32,8 @@ class FakeMpu6050:
     A transaction is any number of `write(data)` and `read(n)`, then `stop()`. Samples are taken at the exact times of
     the chip's own oscillator but computed only when someone can see them. Time zero of the motion is the construction.
 
-    registers      the register file, 128 bytes; a byte changed from outside takes effect at the next transaction
+    registers      the register file, 128 bytes, sensor and count bytes as last read; a byte changed from outside takes
+                   effect at the next transaction
     written        every (register, value) received, also those without effect
     samples_taken  since construction
     fifo           the bytes waiting

@@ -19,6 +19,10 @@ GYRO_BIAS_LIMIT_DPS = 20.0
 ACCEL_BIAS_LIMIT_MG = (50.0, 50.0, 80.0)
 SCALE_LIMIT = 0.03
 
+# Not in the data sheet: what Allan deviations of single parts show.
+GYRO_DRIFT_RAD_S = 0.003 * RAD_PER_DEG
+ACCEL_DRIFT_M_S2 = 50e-6 * STANDARD_GRAVITY_M_S2
+
 
 @dataclass(frozen=True, slots=True)
 class Imperfections:
@@ -29,6 +33,8 @@ class Imperfections:
     gyro_noise_rad_s_rthz   white, one-sided density, before the low-pass filter
     gyro_settling_rad_s     error of all gyroscope axes at the moment of waking; it falls by e each 10 ms, so that
                             20 deg/s is 1 deg/s after the data sheet's 30 ms (PS 6.1)
+    gyro_drift_rad_s        sd of the slow wander of its zero, which forgets itself within `drift_correlation_s`
+    accel_drift_m_s2        likewise
     temp_degc               of the die when the world begins; it goes to `warm_temp_degc` with `warm_up_s`
     temp_noise_degc         white, sd of a sample
     """
@@ -41,6 +47,9 @@ class Imperfections:
     accel_bias_m_s2: Triple = (0.0, 0.0, 0.0)
     accel_scale: Triple = (1.0, 1.0, 1.0)
     accel_noise_m_s2_rthz: float = 0.0
+    gyro_drift_rad_s: float = 0.0
+    accel_drift_m_s2: float = 0.0
+    drift_correlation_s: float = 100.0
     bias_temp_degc: float = 25.0
     temp_degc: float = 25.0
     warm_temp_degc: float = 25.0
@@ -54,7 +63,7 @@ class Imperfections:
         return course
 
     def gyro_error_rad_s(self, t_s: FloatArray) -> FloatArray:
-        """Gyroscope bias (N, 3) at times (N,) in s."""
+        """Gyroscope bias (N, 3) at times (N,) in s, without drift."""
         warmer = self.temperature_degc(t_s) - self.bias_temp_degc
         bias: FloatArray = np.array(self.gyro_bias_rad_s) + warmer[:, None] * np.array(self.gyro_bias_rad_s_degc)
         return bias
@@ -80,6 +89,8 @@ def draw(seed: int) -> Imperfections:
         accel_bias_m_s2=triple((x_mg * 1e-3 * g, y_mg * 1e-3 * g, z_mg * 1e-3 * g)),
         accel_scale=triple(SCALE_LIMIT, 1.0),
         accel_noise_m_s2_rthz=ACCEL_NOISE_M_S2_RTHZ,
+        gyro_drift_rad_s=GYRO_DRIFT_RAD_S,
+        accel_drift_m_s2=ACCEL_DRIFT_M_S2,
         temp_degc=float(rng.uniform(15.0, 30.0)),
         warm_temp_degc=float(rng.uniform(30.0, 40.0)),
         temp_noise_degc=0.05,
@@ -98,6 +109,8 @@ TYPICAL = Imperfections(
     accel_bias_m_s2=(0.02 * STANDARD_GRAVITY_M_S2, -0.012 * STANDARD_GRAVITY_M_S2, 0.035 * STANDARD_GRAVITY_M_S2),
     accel_scale=(1.004, 0.997, 1.011),
     accel_noise_m_s2_rthz=ACCEL_NOISE_M_S2_RTHZ,
+    gyro_drift_rad_s=GYRO_DRIFT_RAD_S,
+    accel_drift_m_s2=ACCEL_DRIFT_M_S2,
     temp_degc=26.0,
     warm_temp_degc=31.0,
     temp_noise_degc=0.05,

@@ -86,6 +86,16 @@ def test_overflow_begins_with_the_first_byte_lost(board):
     assert board.byte(0x3A) & 0x10
 
 
+def test_a_fifo_just_full_has_lost_nothing(board):
+    board.wake()
+    board.start_fifo(0x48)  # frames of 8 bytes
+    board.wait_ms(128.05)
+    assert board.fifo_count() == 1024
+    assert not board.byte(0x3A) & 0x10
+    board.wait_ms(1)
+    assert board.byte(0x3A) & 0x10
+
+
 def test_a_long_pause_gives_the_newest_samples(make_board):
     def newest(step_ms):
         board = make_board(pll_error=0.003, imperfections=TYPICAL)

@@ -180,6 +180,36 @@ def test_gyroscope_settles_within_1_dps_30_ms_after_waking(make_board):
     assert board.sensors()[4] == 0
 
 
+def test_settling_does_not_begin_again_with_another_rate(make_board):
+    board = make_board(imperfections=Imperfections(gyro_settling_rad_s=20 * RAD_PER_DEG))
+    board.wake()
+    board.wait_ms(100)
+    board.wr(0x19, 1)
+    board.wait_ms(5)
+    assert board.sensors()[4] == 0
+
+
+def test_bias_wanders_as_the_truth_says(make_board):
+    board = make_board(imperfections=Imperfections(gyro_drift_rad_s=0.5 * RAD_PER_DEG), seed=4)
+    board.wake(dlpf=6)
+    seen = []
+    for _ in range(50):
+        board.wait_ms(10_000)
+        truth = board.chip.source.gyro_bias_rad_s(np.array([board.chip.world_time_s(board.clock.now_ns())]))[0]
+        seen.append(truth * DEG_PER_RAD)
+        assert board.sensors()[4:] / 131 == pytest.approx(seen[-1], abs=0.01)
+    assert 0.2 < np.std(seen) < 0.9
+
+
+def test_another_range_shows_with_the_next_sample_not_before(board):
+    board.wake(div=99)
+    board.wait_ms(105)
+    board.wr(0x1C, 0x18)
+    assert board.sensors()[2] == 16384
+    board.wait_ms(100)
+    assert board.sensors()[2] == 2048
+
+
 def test_self_test_adds_the_factory_response_of_a_real_chip(board):
     # Registers 51 4F B8 A5 of a published chip; accelerometer at +-8 g, gyroscope at +-250 deg/s.
     board.wake(accel=0x10)
