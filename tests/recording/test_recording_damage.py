@@ -1,5 +1,6 @@
 """A recording that was cut or damaged gives all it holds, nothing it never held, and says so."""
 
+import tracemalloc
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +15,7 @@ from quavelet.mpu6050.drain import Drain
 from quavelet.mpu6050.stream import StreamInfo
 from quavelet.recording.format import MAGIC, MARKER
 from quavelet.recording.reader import RecordingReader
+from quavelet.recording.scan import CHUNK_BYTES
 
 DRAINS = drains(12)
 ITEMS: list[StreamInfo | Drain] = [INFO, *DRAINS]
@@ -165,6 +167,27 @@ def test_a_damaged_length_does_not_swallow_what_follows(whole: bytes, scratch: P
     damaged[first + 5 : first + 9] = (100_000).to_bytes(4, "little")
     scratch.write_bytes(damaged)
     assert read(scratch)[0] == [INFO, *DRAINS[1:]]
+
+
+def test_a_marker_across_two_reads_of_the_file_is_found(whole: bytes, scratch: Path) -> None:
+    first = first_drain_byte(whole)
+    boundary = len(MAGIC) + CHUNK_BYTES
+    for hole in range(boundary - first - 8, boundary - first + 8):
+        scratch.write_bytes(whole[:first] + bytes(hole) + whole[first:])
+        assert read(scratch)[0] == ITEMS, f"hole of {hole} bytes"
+
+
+def test_a_damaged_length_does_not_take_the_whole_file_into_memory(whole: bytes, scratch: Path) -> None:
+    first = first_drain_byte(whole)
+    damaged = bytearray(whole) + bytes(8_000_000)
+    damaged[first + 5 : first + 9] = (7_000_000).to_bytes(4, "little")
+    scratch.write_bytes(damaged)
+    reader = RecordingReader(scratch)
+    tracemalloc.start()
+    assert list(reader) == [INFO, *DRAINS[1:]]
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 500_000
 
 
 def magic_of_version(number: int) -> Callable[[bytes], bytes]:

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -21,14 +22,23 @@ from quavelet.recording.writer import RecordingWriter
 NOBODY = 65534
 
 
+@contextmanager
+def files_up_to(limit_bytes: int) -> Iterator[None]:
+    """No file may grow beyond so many bytes."""
+    old = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (limit_bytes, old[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, old)
+
+
 @pytest.fixture
 def small_files() -> Iterator[int]:
     """No file may grow beyond so many bytes."""
-    limit = 20_000
-    old = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, old[1]))
-    yield limit
-    resource.setrlimit(resource.RLIMIT_FSIZE, old)
+    limit_bytes = 20_000
+    with files_up_to(limit_bytes):
+        yield limit_bytes
 
 
 @pytest.fixture
@@ -74,6 +84,13 @@ def test_a_disk_full_from_the_start_is_found_before_the_first_sample(tmp_path: P
     path = tmp_path / "a.qrec"
     path.symlink_to("/dev/full")
     assert "make room" in refusal(path, overwrite=True)
+
+
+def test_a_disk_full_from_the_start_leaves_no_file_to_refuse_the_next_try(tmp_path: Path) -> None:
+    path = tmp_path / "a.qrec"
+    with files_up_to(5):
+        refusal(path)
+    RecordingWriter(path, settings=SETTINGS).close()
 
 
 def test_a_disk_that_fills_up_says_so_and_keeps_what_was_written(tmp_path: Path, small_files: int) -> None:
