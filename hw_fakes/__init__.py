@@ -3,7 +3,7 @@
 from hw_fakes.bus import FakeBus
 from hw_fakes.chip import FakeMpu6050, Nack
 from hw_fakes.counts import RecordedCounts
-from hw_fakes.imperfections import PERFECT, TYPICAL, Imperfections
+from hw_fakes.imperfections import PERFECT, TYPICAL, Imperfections, draw
 from hw_fakes.motion import Motion, Still, Sway, Tilt, Turntable
 from hw_fakes.scenarios import counts_chip, open_fake
 from hw_fakes.script import ScriptedBus, Write, WriteRead
@@ -25,5 +25,6 @@ __all__ = [
     "Write",
     "WriteRead",
     "counts_chip",
+    "draw",
     "open_fake",
 ]

@@ -35,7 +35,7 @@ class FakeMpu6050:
     registers      the register file, 128 bytes, sensor and count bytes as last read; a byte changed from outside takes
                    effect at the next transaction
     written        every (register, value) received, also those without effect
-    samples_taken  since construction
+    samples_taken  since construction, as of the last transaction
     fifo           the bytes waiting
     motion         the truth; None where the samples come from elsewhere
     """
@@ -72,14 +72,16 @@ class FakeMpu6050:
         self.accel_trim = accel_trim
         self.self_test_codes = self_test_codes
         self.nack_in_reset = nack_in_reset
-        self.source: SampleSource = source or MotionSource(
-            self.motion or Still(),
-            imperfections,
-            seed=seed,
-            birth_ns=self.birth_ns,
-            accel_trim=accel_trim,
-            self_test_codes=self_test_codes,
-        )
+        if source is None:
+            source = MotionSource(
+                self.motion or Still(),
+                imperfections,
+                seed=seed,
+                birth_ns=self.birth_ns,
+                accel_trim=accel_trim,
+                self_test_codes=self_test_codes,
+            )
+        self.source = source
         self.registers = bytearray(reg.COUNT)
         self.fifo = Fifo()
         self.written: list[tuple[int, int]] = []
@@ -148,7 +150,7 @@ class FakeMpu6050:
         """The supply fails and comes back: power-up values, asleep, FIFO empty."""
         self._power_up()
         self._refresh()
-        self._shadow = NO_DATA
+        self._pointer, self._shadow = 0, NO_DATA
 
     def true_rate_hz(self) -> float:
         """Samples a second of true time; 0 while the chip does not sample."""
@@ -253,7 +255,7 @@ class FakeMpu6050:
     def _load(self, register: int) -> int:
         if reg.ACCEL_XOUT_H <= register <= reg.GYRO_ZOUT_L:
             self.registers[reg.ACCEL_XOUT_H : reg.GYRO_ZOUT_L + 1] = self._newest()
-        elif register == reg.FIFO_COUNTH:  # latches the low byte too (RM 4.33)
+        elif register == reg.FIFO_COUNTH:  # latches the low byte too (RM registers 114 and 115)
             self.registers[reg.FIFO_COUNTH : reg.FIFO_COUNTL + 1] = len(self.fifo).to_bytes(2, "big")
         value = self.registers[register]
         if register == reg.INT_STATUS:
@@ -261,7 +263,7 @@ class FakeMpu6050:
         return value
 
     def _pop(self, n: int) -> bytes:
-        # A FIFO that is switched off cannot be read (RM 4.29).
+        # A FIFO that is switched off cannot be read (RM register 106).
         if self.registers[reg.USER_CTRL] & reg.USER_FIFO_EN:
             return self.fifo.pop(n)
         return bytes([self.fifo.last_read]) * n
@@ -285,7 +287,7 @@ class FakeMpu6050:
                 self._push(bytes([value]))
             return
         if register == reg.USER_CTRL:
-            # FIFO_RESET acts only while FIFO_EN is 0, in the same byte too (RM 4.29).
+            # FIFO_RESET acts only while FIFO_EN is 0, in the same byte too (RM register 106).
             if value & reg.USER_FIFO_RESET and not value & reg.USER_FIFO_EN:
                 self.fifo.clear()
             if value & reg.USER_SIG_COND_RESET:

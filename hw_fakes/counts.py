@@ -38,7 +38,7 @@ class RecordedCounts:
         gyr_lsb_per_dps: float,
         rate_hz: float,
     ) -> None:
-        """acc, gyr (N, 3) and temp (N,) int16 register counts; rate_hz as measured, not as configured."""
+        """acc, gyr (N, 3) and temp (N,) int16 register counts, N >= 1; rate_hz as measured, not as configured."""
         self.frames: CountArray = np.column_stack([acc, temp, gyr]).astype(np.int16)
         self.acc_lsb_per_g = acc_lsb_per_g
         self.gyr_lsb_per_dps = gyr_lsb_per_dps

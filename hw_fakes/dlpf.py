@@ -1,6 +1,6 @@
 """The digital low-pass filter of the gyroscope and accelerometer, as finite impulse responses.
 
-The data sheet gives only a bandwidth and a delay for each setting (RM 4.3), so the shape is chosen: a gamma
+The data sheet gives only a bandwidth and a delay for each setting (RM register 26), so the shape is chosen: a gamma
 density (n + 1/2)^(shape - 1) exp(-(n + 1/2)/scale), which is a row of equal one-pole filters where the shape is
 a whole number. Its two parameters meet both figures for settings 0 to 4. They cannot for settings 5 and 6, where
 the delay printed is shorter than that of any filter with that bandwidth that falls without a peak; there the
@@ -16,7 +16,7 @@ from math import ceil
 import numpy as np
 from numpy.typing import NDArray
 
-# (shape, scale in samples), fitted to the table of RM 4.3: bandwidth Hz and delay ms beside.
+# (shape, scale in samples), fitted to the table of RM register 26: bandwidth Hz and delay ms beside.
 _GYRO = (
     (3.686, 2.2625),  # 256  0.98, at 8 kHz
     (12.018, 0.2005),  # 188  1.9

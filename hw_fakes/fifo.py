@@ -1,4 +1,4 @@
-"""The FIFO: 1024 bytes that know nothing of frames (RM 4.33)."""
+"""The FIFO: 1024 bytes that know nothing of frames (RM registers 114 and 115)."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Fifo:
         return True
 
     def pop(self, n: int) -> bytes:
-        """The next `n` bytes; once empty, the last byte read again and again (RM 4.34)."""
+        """The next `n` bytes; once empty, the last byte read again and again (RM register 116)."""
         data = bytes(self.content[:n])
         del self.content[:n]
         if data:

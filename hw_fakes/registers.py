@@ -6,9 +6,9 @@ Written from the register map RM-MPU-6000A-00 rev 4.2 ("RM"), not from the drive
 from __future__ import annotations
 
 XG_OFFS_TC = 0x00
-ACCEL_OFFSETS = 0x06  # to 0x0B: X, Y, Z, high byte first; not in RM 4.2, but in the silicon
-SELF_TEST_X = 0x0D  # to 0x10 (RM 4.1)
-GYRO_OFFSETS = 0x13  # to 0x18: X, Y, Z, high byte first; not in RM 4.2
+ACCEL_OFFSETS = 0x06  # to 0x0B: X, Y, Z, high byte first; not in the RM, but in the silicon
+SELF_TEST_X = 0x0D  # to 0x10 (RM registers 13 to 16)
+GYRO_OFFSETS = 0x13  # to 0x18: X, Y, Z, high byte first; not in the RM
 SMPLRT_DIV = 0x19
 CONFIG = 0x1A
 GYRO_CONFIG = 0x1B
@@ -59,7 +59,7 @@ POWER_UP = {XG_OFFS_TC: 0x01, PWR_MGMT_1: SLEEP, WHO_AM_I: 0x68}
 ACCEL_TRIM = (-2100, 801, 1200)
 SELF_TEST_CODES = (0x51, 0x4F, 0xB8, 0xA5)
 
-# What sticks of a written byte, where not all of it does: reserved bits stay 0 (RM 4), reset bits clear themselves.
+# What sticks of a written byte, where not all of it does: reserved bits stay 0, reset bits clear themselves.
 STICKS = {
     CONFIG: 0x3F,
     GYRO_CONFIG: 0xF8,

@@ -11,7 +11,7 @@ GYRO_LSB_PER_DPS = (131.0, 65.5, 32.8, 16.4)
 ACCEL_LSB_PER_G = (16384.0, 8192.0, 4096.0, 2048.0)
 
 # Which of the seven words (accelerometer x y z, temperature, gyroscope x y z) each bit of FIFO_EN sends to the
-# FIFO: always in the order of the register numbers (RM 4.7).
+# FIFO: always in the order of the register numbers (RM register 35).
 _FIFO_WORDS = ((0x08, (0, 1, 2)), (0x80, (3,)), (0x40, (4,)), (0x20, (5,)), (0x10, (6,)))
 _STANDBY_WORDS = ((0x20, 0), (0x10, 1), (0x08, 2), (0x04, 4), (0x02, 5), (0x01, 6))
 
@@ -45,7 +45,7 @@ class Setup:
 
     @property
     def fast(self) -> bool:
-        """The gyroscope gives 8 kHz, not 1 kHz: the low-pass filter is off (RM 4.2)."""
+        """The gyroscope gives 8 kHz, not 1 kHz: the low-pass filter is off (RM register 25)."""
         return self.dlpf in (0, 7)
 
 
@@ -63,9 +63,9 @@ def decode(registers: bytes | bytearray) -> Setup:
     if power & reg.TEMP_DIS:
         frozen.append(3)
     return Setup(
-        awake=not power & reg.SLEEP and clksel != 7,  # 7 stops the clock (RM 4.30)
-        # With the clock's own gyroscope in standby the chip falls back to its internal oscillator (RM 4.30); so it
-        # does here for the external clocks 4 and 5, which no board wires.
+        awake=not power & reg.SLEEP and clksel != 7,  # 7 stops the clock (RM register 107)
+        # With the clock's own gyroscope in standby the chip falls back to its internal oscillator (RM register 107); so
+        # it does here for the external clocks 4 and 5, which no board wires.
         on_pll=1 <= clksel <= 3 and clksel + 3 not in frozen,
         divider=1 + registers[reg.SMPLRT_DIV],
         dlpf=registers[reg.CONFIG] & 7,

@@ -23,8 +23,8 @@ class MotionSource:
 
     What each sensor feels at each tick, its errors and white noise go through the low-pass filter, then are decimated,
     brought to the range, rounded and clipped. The gyroscope ticks at 1 or 8 kHz, the accelerometer always at 1 kHz
-    (RM 4.2). The filter's past is that of the motion at the present setting: changing a setting, or self-test, shows
-    no transient. Noise is a function of seed, run and chunk, so it does not depend on who reads when.
+    (RM register 25). The filter's past is that of the motion at the present setting: changing a setting, or self-test,
+    shows no transient. Noise is a function of seed, run and chunk, so it does not depend on who reads when.
     """
 
     def __init__(
@@ -75,7 +75,7 @@ class MotionSource:
         values = np.column_stack(
             [
                 self._accel_lsb(accel[(at + 1) // slow_by], setup),
-                (temp - 36.53) * 340.0,  # RM 4.18
+                (temp - 36.53) * 340.0,  # RM registers 65 and 66
                 self._gyro_lsb(gyro[at + 1], setup),
             ]
         )
@@ -138,8 +138,10 @@ class MotionSource:
 
 
 def factory_response(codes: tuple[int, int, int, int]) -> FloatArray:
-    """The self-test response (6,) that registers 0x0D to 0x10 stand for (RM 4.1): accelerometer x y z in LSB at
-    +-8 g, gyroscope x y z in LSB at +-250 deg/s, y negative."""
+    """The self-test response (6,) that the codes in RM registers 13 to 16 stand for.
+
+    Accelerometer x y z in LSB at +-8 g, then gyroscope x y z in LSB at +-250 deg/s, y negative.
+    """
     response = np.zeros(6)
     for axis in range(3):
         accel = codes[axis] >> 3 & 0x1C | codes[3] >> (4 - 2 * axis) & 3

@@ -10,7 +10,7 @@ import pytest
 from hw_fakes import PERFECT, TYPICAL, Imperfections, Still, Turntable
 from quavelet.core.units import DEG_PER_RAD, RAD_PER_DEG, STANDARD_GRAVITY_M_S2
 
-# RM 4.3: accelerometer bandwidth Hz and delay ms, gyroscope bandwidth Hz and delay ms.
+# RM register 26: accelerometer bandwidth Hz and delay ms, gyroscope bandwidth Hz and delay ms.
 DLPF = {
     0: (260, 0.0, 256, 0.98),
     1: (184, 2.0, 188, 1.9),
