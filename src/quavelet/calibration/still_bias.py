@@ -9,15 +9,38 @@ import numpy as np
 from quavelet.calibration.model import Vector
 from quavelet.calibration.stillness import Six, StillnessLimits, StillRun, extended, is_steady, started
 from quavelet.core.blocks import Flag, ImuBlock
+from quavelet.core.units import RAD_PER_DEG
+
+FOLLOW_WINDOWS = 15
+"""The bias is the mean of the first so many still windows; then it follows with this time constant."""
+FOLLOW_LIMIT_RAD_S = 0.03 * RAD_PER_DEG
+"""A window that differs by more is a slow turn, not a better measurement."""
 
 
 @dataclass(frozen=True, slots=True)
 class StillBiasState:
-    """The window being judged, the time since the board last moved, and the bias once it is measured."""
+    """All memory.
+
+    run         the window being judged
+    still_s     time since the board last moved
+    bias_rad_s  the bias from `windows` still windows, None before the first
+    """
 
     run: StillRun = StillRun()
     still_s: float = 0.0
     bias_rad_s: Vector | None = None
+    windows: int = 0
+
+    def with_window(self, mean: Vector) -> StillBiasState:
+        """The state after a steady window of this mean rate."""
+        if self.bias_rad_s is None:
+            return replace(self, bias_rad_s=mean, windows=1)
+        change = (mean[0] - self.bias_rad_s[0], mean[1] - self.bias_rad_s[1], mean[2] - self.bias_rad_s[2])
+        if max(map(abs, change)) > FOLLOW_LIMIT_RAD_S:
+            return self
+        n = min(self.windows + 1, FOLLOW_WINDOWS)
+        x, y, z = (old + step / n for old, step in zip(self.bias_rad_s, change, strict=True))
+        return replace(self, bias_rad_s=(x, y, z), windows=n)
 
 
 class StillBias:
@@ -26,7 +49,9 @@ class StillBias:
     window_s   how long the board must be still for its mean rate to be taken as the bias
     shows_s    how long it must be still for `still` to say so
 
-    A board that moves is refused and watched further; its samples keep the flag.
+    A board that moves is refused and watched further; its samples keep the flag. Whenever it is
+    still again the bias is followed, for it drifts with temperature (PS 6.1: 20 deg/s over the whole range).
+    The price: a turn slower than 0.03 deg/s is taken for drift.
     """
 
     def __init__(self, *, window_s: float = 2.0, shows_s: float = 0.5, limits: StillnessLimits | None = None) -> None:
@@ -42,29 +67,20 @@ class StillBias:
         self._s = state
 
     def process(self, block: ImuBlock) -> ImuBlock:
-        n, limits = len(block), self._limits
+        n = len(block)
         still = np.zeros(n, dtype=np.bool_)
         bias = np.zeros((n, 3))
         known = np.zeros(n, dtype=np.bool_)
-        run, still_s, found = self._s.run, self._s.still_s, self._s.bias_rad_s
+        s = self._s
         channels = np.concatenate([block.gyro_rad_s, block.accel_m_s2], axis=1).tolist()
         periods, gaps = block.period_s.tolist(), (block.flags & Flag.GAP).tolist()
         unknown = (block.flags & Flag.BIAS_UNKNOWN).tolist()
         for k in range(n):
-            sample: Six = tuple(channels[k])
-            longer = None if gaps[k] else extended(run, sample, periods[k], half_s=self._window_s / 2, limits=limits)
-            run = longer or started(sample)
-            still_s = still_s + periods[k] if longer else 0.0
-            if run.elapsed_s >= self._window_s:
-                if not is_steady(run, limits=limits):
-                    still_s = 0.0
-                elif found is None and unknown[k]:
-                    found = run.mean()[:3]
-                run = StillRun()
-            still[k] = still_s >= self._shows_s
-            if found is not None and unknown[k]:
-                bias[k], known[k] = found, True
-        self._s = StillBiasState(run, still_s, found)
+            s = self._next(s, tuple(channels[k]), periods[k], gap=bool(gaps[k]), measure=bool(unknown[k]))
+            still[k] = s.still_s >= self._shows_s
+            if s.bias_rad_s is not None and unknown[k]:
+                bias[k], known[k] = s.bias_rad_s, True
+        self._s = s
         return replace(
             block,
             flags=np.where(known, block.flags & ~np.uint32(Flag.BIAS_UNKNOWN), block.flags),
@@ -72,3 +88,16 @@ class StillBias:
             gyro_bias_rad_s=block.gyro_bias_rad_s + bias,
             still=still,
         )
+
+    def _next(self, s: StillBiasState, sample: Six, dt_s: float, *, gap: bool, measure: bool) -> StillBiasState:
+        longer = None if gap else extended(s.run, sample, dt_s, half_s=self._window_s / 2, limits=self._limits)
+        if longer is None:
+            return replace(s, run=started(sample), still_s=0.0)
+        s = replace(s, run=longer, still_s=s.still_s + dt_s)
+        if longer.elapsed_s < self._window_s:
+            return s
+        if not is_steady(longer, limits=self._limits):
+            return replace(s, run=StillRun(), still_s=0.0)
+        if measure:
+            s = s.with_window(longer.mean()[:3])
+        return replace(s, run=StillRun())

@@ -60,7 +60,7 @@ def run_live(
     with ExitStack() as stack:
         i2c = stack.enter_context(open_bus(settings.bus.name, clock=clock))
         if record is not None:
-            writer = RecordingWriter(record, settings=settings)
+            writer = RecordingWriter(record, settings=settings, clock=clock)
             records.subscribe("recording", writer, depth=QUEUE_DEPTH, policy=policy)
         stack.callback(records.close)
         imu = Imu(i2c, settings=settings, clock=clock, on_stream=records.publish, on_drain=records.publish)
