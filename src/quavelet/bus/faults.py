@@ -14,7 +14,7 @@ _BUSY = (
     "(a DS1307/DS3231 clock or dtoverlay=mpu6050), or wire AD0 high and use 0x69"
 )
 _PERMISSION = "no permission for {where}: add this user to the group i2c (sudo usermod -aG i2c $USER), log in again"
-_NO_BUS = "there is no bus {where}: enable I2C (sudo raspi-config nonint do_i2c 0) or give another --bus"
+_NO_BUS = "there is no bus {bus}: enable I2C (sudo raspi-config nonint do_i2c 0) or give another --bus"
 _TIMED_OUT = "{where} timed out, a line is held low: check wiring and pull-ups, then power the board off and on"
 _WIRE = "a transfer with {where} failed on the wire (EIO): shorten the wires and check the pull-ups"
 
@@ -39,4 +39,4 @@ def bus_error(
     name = "no error number" if errno is None else codes.errorcode.get(errno, str(errno))
     unknown = (BusError, f"a transfer with {{where}} failed ({name}): run `quavelet doctor`")
     kind, text = unknown if errno is None else _BY_ERRNO.get(errno, unknown)
-    return kind(text.format(where=where), errno=errno, address=address, register=register, attempts=attempts)
+    return kind(text.format(where=where, bus=bus), errno=errno, address=address, register=register, attempts=attempts)

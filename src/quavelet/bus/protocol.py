@@ -7,7 +7,7 @@ from typing import Protocol, Self
 
 
 class I2CBus(Protocol):
-    """An I2C bus. Every failure is a `BusError` or a kind of it.
+    """An I2C bus. Every failure is a `BusError` or a kind of it; a transfer of no bytes is a ValueError.
 
     `name` is what the bus was opened by ("linux:1", "fake:tilt"); it goes into every output as `src`.
     """
@@ -20,7 +20,7 @@ class I2CBus(Protocol):
         ...
 
     def write_read(self, address: int, data: bytes, n: int) -> bytes:
-        """One transaction: write `data`, repeated START, read `n` >= 1 bytes, STOP. Any length."""
+        """One transaction: write `data`, repeated START, read `n` bytes (1 to 8192), STOP."""
         ...
 
     def close(self) -> None:
