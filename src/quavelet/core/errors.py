@@ -16,6 +16,9 @@ ImuError
 
 from __future__ import annotations
 
+from functools import partial
+from typing import Any
+
 
 class ImuError(Exception):
     """Root of all errors raised on purpose; `str(error)` is one sentence that says what to do."""
@@ -47,6 +50,11 @@ class BusError(ImuError, OSError):
     def __str__(self) -> str:
         return self.message
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        # OSError's own would call with positional arguments: pickle and copy could not bring the error back.
+        known = {name: getattr(self, name) for name in ("errno", "address", "register", "attempts")}
+        return partial(type(self), self.message, **known), ()
+
 
 class DeviceMissing(BusError):
     """Nothing answers at the address, or the bus itself does not exist."""
@@ -71,6 +79,9 @@ class WrongChip(ImuError):
         super().__init__(message)
         self.found = found
         self.known = known
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return partial(type(self), str(self), found=self.found, known=self.known), ()
 
 
 class ChipUnstable(ImuError):

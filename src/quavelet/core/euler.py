@@ -15,23 +15,29 @@ from typing import Literal
 import numpy as np
 
 from quavelet.core.blocks import FloatArray
-from quavelet.core.quaternion import multiply, normalise, to_matrix
+from quavelet.core.quaternion import multiply, normalise
 
 Order = Literal["zyx", "zxy"]
 
 
 def to_euler(q: FloatArray, *, order: Order = "zyx") -> FloatArray:
-    """Roll, pitch, yaw in rad, shape (..., 3), of unit quaternions (..., 4)."""
-    c = to_matrix(q)
+    """Roll, pitch, yaw in rad, shape (..., 3), of unit quaternions (..., 4).
+
+    Within rounding also near pitch +-90 degrees, where roll and yaw turn about the same axis and any pair
+    of the right sum (or difference) is an answer. From the rotation matrix, roll and yaw would each be
+    the angle of a vector of rounding errors there.
+    """
+    w, x, y, z = np.moveaxis(q, -1, 0)
+    # As complex numbers: (cos + sin)(pitch/2) and (cos - sin)(pitch/2), one with the phase (yaw - roll)/2, one with
+    # (yaw + roll)/2; only one of the two phases is lost where its modulus is.
     if order == "zyx":
-        roll = np.arctan2(c[..., 2, 1], c[..., 2, 2])
-        pitch = np.arcsin(np.clip(-c[..., 2, 0], -1.0, 1.0))
-        yaw = np.arctan2(c[..., 1, 0], c[..., 0, 0])
+        rising, falling = (w + y) + 1j * (z - x), (w - y) + 1j * (z + x)
+        roll, yaw = np.angle(falling) - np.angle(rising), np.angle(falling) + np.angle(rising)
     else:
-        roll = np.arctan2(-c[..., 2, 0], c[..., 2, 2])
-        pitch = np.arcsin(np.clip(c[..., 2, 1], -1.0, 1.0))
-        yaw = np.arctan2(c[..., 0, 1], c[..., 1, 1])
-    return np.stack([roll, pitch, yaw], axis=-1)
+        rising, falling = (w + x) + 1j * (z + y), (w - x) + 1j * (z - y)
+        roll, yaw = np.angle(rising) - np.angle(falling), -np.angle(rising) - np.angle(falling)
+    pitch = 2 * np.arctan2(np.abs(rising), np.abs(falling)) - np.pi / 2
+    return np.stack([_wrapped(roll), pitch, _wrapped(yaw)], axis=-1)
 
 
 def from_euler(angles_rad: FloatArray, *, order: Order = "zyx") -> FloatArray:
@@ -47,3 +53,8 @@ def _about(axis: int, angle: FloatArray) -> FloatArray:
     q[..., 0] = np.cos(angle / 2)
     q[..., 1 + axis] = np.sin(angle / 2)
     return q
+
+
+def _wrapped(angle: FloatArray) -> FloatArray:
+    wrapped: FloatArray = angle - 2 * np.pi * np.round(angle / (2 * np.pi))
+    return wrapped
