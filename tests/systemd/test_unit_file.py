@@ -1,0 +1,112 @@
+"""The unit, the sample configuration and the udev rule, as far as they can be judged without running them."""
+
+import shutil
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+
+from quavelet.cli import exits
+from quavelet.loop.kernel import DMA_LATENCY_PATH
+from quavelet.settings import Settings, load_settings
+
+FOLDER = Path(__file__).parents[2] / "systemd"
+UNIT = FOLDER / "quavelet@.service"
+PROGRAM = "/opt/quavelet/venv/bin/quavelet"
+EXPOSURE_LIMIT = 1.5
+
+needs_analyze = pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="systemd-analyze is not installed")
+
+
+@pytest.fixture
+def installed_unit(tmp_path: Path) -> Path:
+    """The unit with a program that exists on this machine, for systemd looks whether it can be executed."""
+    text = UNIT.read_text()
+    assert f"ExecStart={PROGRAM} " in text
+    path = tmp_path / UNIT.name
+    path.write_text(text.replace(PROGRAM, sys.executable))
+    return path
+
+
+def directives() -> list[tuple[str, str]]:
+    lines = [line.strip() for line in UNIT.read_text().splitlines()]
+    return [
+        (key, value)
+        for key, equals, value in (line.partition("=") for line in lines if line and line[0] not in "#;[")
+        if equals
+    ]
+
+
+@needs_analyze
+def test_systemd_ignores_no_line_of_the_unit(installed_unit: Path) -> None:
+    done = subprocess.run(
+        ["systemd-analyze", "verify", "--man=no", installed_unit], capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stderr) == (0, "")  # an unknown key is told, and the exit code is 0 all the same
+
+
+@needs_analyze
+def test_verify_would_tell_of_an_unknown_key(installed_unit: Path) -> None:
+    installed_unit.write_text(installed_unit.read_text().replace("RestartSec=", "RestartSecs="))
+    done = subprocess.run(
+        ["systemd-analyze", "verify", "--man=no", installed_unit], capture_output=True, text=True, check=False
+    )
+    assert "RestartSecs" in done.stderr
+
+
+@needs_analyze
+def test_the_service_is_not_more_exposed_than_it_was(installed_unit: Path) -> None:
+    command = ["systemd-analyze", "security", "--offline=true", "--no-pager"]
+    limit = f"--threshold={round(10 * EXPOSURE_LIMIT)}"
+    done = subprocess.run([*command, limit, installed_unit], capture_output=True, text=True, check=False)
+    print(done.stdout.strip().splitlines()[-1])
+    assert done.returncode == 0, done.stdout
+
+
+def test_no_directive_has_a_comment_behind_it() -> None:
+    assert [(key, value) for key, value in directives() if "#" in value or ";" in value] == []
+
+
+def test_a_program_that_gave_up_is_started_again_but_not_with_a_setting_that_cannot_be() -> None:
+    unit = dict(directives())
+    assert unit["Restart"] == "on-failure"
+    assert unit["StartLimitIntervalSec"] == "0"
+    assert unit["RestartPreventExitStatus"] == f"{exits.USAGE} {exits.SETTINGS}"
+
+
+def test_the_real_time_settings_asked_for_by_default_are_allowed() -> None:
+    unit, loop = dict(directives()), Settings().loop
+    assert int(unit["LimitRTPRIO"]) >= loop.priority
+    assert unit["LimitMEMLOCK"] == "infinity"
+    assert ("DeviceAllow", f"{DMA_LATENCY_PATH} rw") in directives()
+    rule = (FOLDER / "60-quavelet.rules").read_text()
+    assert f'KERNEL=="{Path(DMA_LATENCY_PATH).name}"' in rule
+    assert f'GROUP="{unit["SupplementaryGroups"]}"' in rule
+
+
+def test_the_sample_configuration_has_every_key_at_its_default() -> None:
+    path = FOLDER / "quavelet.toml"
+    assert load_settings(path).settings == Settings()
+    sample: dict[str, Any] = tomllib.loads(path.read_text())
+    defaults: dict[str, Any] = msgspec.json.decode(msgspec.json.encode(Settings()))
+    assert sample == defaults
+
+
+def test_every_key_of_the_sample_configuration_stands_under_a_comment() -> None:
+    lines = (FOLDER / "quavelet.toml").read_text().splitlines()
+    bare = [
+        line for before, line in zip(lines, lines[1:], strict=False) if "=" in line and line[0] != "#" and not before
+    ]
+    assert bare == []
+
+
+def test_every_file_the_readme_names_is_here_and_every_file_here_is_named() -> None:
+    readme = (FOLDER / "README.md").read_text()
+    assert [path.name for path in FOLDER.iterdir() if path.name != "README.md" and path.name not in readme] == []
+    installed = [word.removeprefix("systemd/") for word in readme.split() if word.startswith("systemd/")]
+    assert installed
+    assert [name for name in installed if not (FOLDER / name).exists()] == []
