@@ -3,7 +3,10 @@
 # the program at /opt/quavelet/venv/bin/quavelet; run the script JOB as a oneshot unit, print its output, and end.
 #   private_systemd.sh JOB UNIT PYTHON_PREFIX SITE_PACKAGES REPOSITORY
 set -e
-[ "$INSIDE" ] || { export INSIDE=1; exec unshare --mount --pid --fork --cgroup --ipc --uts --net --kill-child "$0" "$@"; }
+if [ -z "$INSIDE" ]; then
+    export INSIDE=1
+    exec unshare --mount --pid --fork --cgroup --ipc --uts --net --kill-child "$0" "$@"
+fi
 JOB=$1 UNIT=$2 PREFIX=$3 SITE=$4 REPOSITORY=$5
 mount --make-rprivate /
 W=$(mktemp -d)

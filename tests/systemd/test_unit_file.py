@@ -4,6 +4,7 @@ import shutil
 import subprocess
 import sys
 import tomllib
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -98,10 +99,7 @@ def test_the_sample_configuration_has_every_key_at_its_default() -> None:
 
 def test_every_key_of_the_sample_configuration_stands_under_a_comment() -> None:
     lines = (FOLDER / "quavelet.toml").read_text().splitlines()
-    bare = [
-        line for before, line in zip(lines, lines[1:], strict=False) if "=" in line and line[0] != "#" and not before
-    ]
-    assert bare == []
+    assert [line for before, line in pairwise(lines) if "=" in line and line[0] != "#" and not before] == []
 
 
 def test_every_file_the_readme_names_is_here_and_every_file_here_is_named() -> None:
