@@ -122,7 +122,7 @@ def test_nothing_cannot_be_joined():
 def test_blocks_of_different_scale_or_delay_are_not_mixed_up(kind, change):
     a, b = block_of(kind, 3), replace(block_of(kind, 3, seed=1), **change)
     (name,) = change
-    for blocks in ([a, b], [a, a, b], [b, a[:0]]):
+    for blocks in ([a, b], [a, b, a], [b, a[:0]]):
         with pytest.raises(ValueError, match=f"different {name} cannot be joined"):
             concat(blocks)
     assert getattr(concat([b, b]), name) == change[name]
