@@ -16,6 +16,8 @@ ACCEL_LSB_PER_G: dict[int, float] = {2: 16384.0, 4: 8192.0, 8: 4096.0, 16: 2048.
 GYRO_BANDWIDTH_HZ: tuple[int, ...] = (256, 188, 98, 42, 20, 10, 5)
 """Gyroscope bandwidth by DLPF_CFG (RM p. 13)."""
 _MAX_RATE_HZ = 1000
+_WRITTEN_AS = 1e-5
+"""How far a rate may be from what the divider makes: 166.667 means 1000/6, and six digits are all a message shows."""
 
 
 class ChipConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -51,7 +53,7 @@ class ChipConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
                 f"{slowest:g} Hz; ask for more"
             )
         n = base / rate
-        if abs(n - round(n)) > 1e-6 * n:
+        if abs(n - round(n)) > _WRITTEN_AS * n:
             below, above = base / (int(n) + 1), base / int(n)
             raise SettingsError(
                 f"sample_rate_hz = {rate:g} cannot be made: with dlpf = {self.dlpf} the chip divides {base:g} Hz "
@@ -108,7 +110,7 @@ def configuration_table(config: ChipConfig) -> tuple[RegisterBits, ...]:
         _row(r.FIFO_EN, 0, r.FIFO_SENSORS.mask | r.FIFO_SLAVES.mask),
         _row(r.INT_PIN_CFG, 0, r.INT_RD_CLEAR.mask),
         # Of the interrupts only the overflow is used; with others on, nothing would listen.
-        _row(r.INT_ENABLE, r.FIFO_OFLOW_EN.mask, r.INT_SOURCES.mask),
+        _row(r.INT_ENABLE, r.FIFO_OFLOW_EN.mask, 0xFF),
     )
 
 

@@ -1,6 +1,6 @@
 """The MPU-6050's register map as data: RM-MPU-6000A-00 rev 4.2 (the register map), page by page.
 
-Registers that rev 4.2 no longer documents are marked page 0 and say where they are known from.
+Registers that rev 4.2 does not document are on page 0 and say where they are known from.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ class Register:
     """One 8-bit register, or the first of a run of `length`.
 
     reset is the value after power-up; None where the factory writes trim that differs from chip to chip.
-    access is "rw", "r" or "clear" (reading has an effect).
+    access is "rw", "r" or "clear" (reading has an effect). known_from is empty where the page says all.
     """
 
     address: int
@@ -22,6 +22,7 @@ class Register:
     reset: int | None = 0x00
     access: str = "rw"
     length: int = 1
+    known_from: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,9 +50,11 @@ class Field:
         return (byte & self.mask) >> self.low
 
 
-ACCEL_OFFSETS = Register(0x06, "XA_OFFS_H", 0, None, length=6)  # factory trim; in no public map
+ACCEL_OFFSETS = Register(
+    0x06, "XA_OFFS_H", 0, None, length=6, known_from="InvenSense's motion driver and i2cdevlib: factory trim"
+)
 SELF_TEST = Register(0x0D, "SELF_TEST_X", 9, None, length=4)
-GYRO_OFFSETS = Register(0x13, "XG_OFFS_USRH", 0, length=6)  # in no public map
+GYRO_OFFSETS = Register(0x13, "XG_OFFS_USRH", 0, length=6, known_from="InvenSense's motion driver and i2cdevlib")
 SMPLRT_DIV = Register(0x19, "SMPLRT_DIV", 11)
 CONFIG = Register(0x1A, "CONFIG", 13)
 GYRO_CONFIG = Register(0x1B, "GYRO_CONFIG", 14)
@@ -108,10 +111,8 @@ ACCEL_FS_SEL = Field(ACCEL_CONFIG, "AFS_SEL", 4, 3)
 ACCEL_HPF = Field(ACCEL_CONFIG, "ACCEL_HPF", 2, 0)
 FIFO_SENSORS = Field(FIFO_EN, "TEMP_XG_YG_ZG_ACCEL", 7, 3)
 FIFO_SLAVES = Field(FIFO_EN, "SLV2_SLV1_SLV0", 2, 0)
-INT_PIN = Field(INT_PIN_CFG, "INT_PIN", 7, 1)
 INT_RD_CLEAR = Field(INT_PIN_CFG, "INT_RD_CLEAR", 4, 4)
 FIFO_OFLOW_EN = Field(INT_ENABLE, "FIFO_OFLOW_EN", 4, 4)
-INT_SOURCES = Field(INT_ENABLE, "all interrupts", 7, 0)
 FIFO_OFLOW_INT = Field(INT_STATUS, "FIFO_OFLOW_INT", 4, 4)
 USER_DMP_EN = Field(USER_CTRL, "DMP_EN", 7, 7)
 USER_FIFO_EN = Field(USER_CTRL, "FIFO_EN", 6, 6)

@@ -96,6 +96,7 @@ class ChipSource:
         self.step = Step.PROBE
         self.decoder: Decoder | None = None
         self._due_ns = clock.now_ns()
+        self._variant = MPU6050
         self._try_since_ns = 0
         self._tries = 0
         self._failures = 0
@@ -149,7 +150,8 @@ class ChipSource:
         if self._clock.now_ns() - self._try_since_ns < GIVE_UP_NS:
             self._go(self.step, wait_ns)
         elif self._tries < MAX_TRIES:
-            self._go(Step.RESET, 0)
+            self._health.chip_restarts += 1
+            self._new_try()
         else:
             raise ChipUnstable(
                 f"the chip at 0x{self._chip.address:02x} did not start in {MAX_TRIES} tries, stuck while "
@@ -158,21 +160,27 @@ class ChipSource:
 
     def _probe(self) -> None:
         # Reading comes before any write: a clock chip at this address must not be written to.
-        identify(self._chip.read(r.WHO_AM_I), bus=self._chip.bus.name, address=self._chip.address)
+        self._variant = identify(self._chip.read(r.WHO_AM_I), bus=self._chip.bus.name, address=self._chip.address)
+        self._new_try()
+
+    def _new_try(self) -> None:
+        self._tries += 1
         self._try_since_ns = self._clock.now_ns()
         self._go(Step.RESET, 0)
 
     def _reset(self) -> None:
-        self._tries += 1
-        self._try_since_ns = self._clock.now_ns()
         self._chip.write(r.PWR_MGMT_1, r.DEVICE_RESET.mask)
         self._go(Step.WAIT_RESET, RESET_WAIT_NS)
 
     def _wait_reset(self) -> None:
-        variant = identify(self._chip.read(r.WHO_AM_I), bus=self._chip.bus.name, address=self._chip.address)
+        # A chip that is still in its reset may answer anything.
+        who_am_i = self._chip.read(r.WHO_AM_I)
+        if who_am_i != self._variant.who_am_i:
+            self._again(POLL_NS, f"WHO_AM_I reads 0x{who_am_i:02x} after reset")
+            return
         power = self._chip.read(r.PWR_MGMT_1)
         # SLEEP may come up either way, by the chip's one-time-programmed settings.
-        if (power ^ variant.pwr_mgmt_1_reset) & ~r.SLEEP.mask & 0xFF:
+        if (power ^ self._variant.pwr_mgmt_1_reset) & ~r.SLEEP.mask & 0xFF:
             self._again(POLL_NS, f"PWR_MGMT_1 reads 0x{power:02x} after reset")
             return
         self._go(Step.WAKE, 0)
