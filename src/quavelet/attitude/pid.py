@@ -1,7 +1,8 @@
 """The PID complementary filter of paper 000 (its methods 2 to 4) as a stage that starts by itself.
 
-The rate, with the correction of the step before, turns the quaternion; gravity then says how far off it
-is, and that makes the next correction. Three ways through a sample:
+Gravity says how far off the quaternion is, and the rate with that correction turns it (the paper's order;
+it leads the sample by up to a period, about as much as the chip's low-pass makes the sample late). Three
+ways through a sample:
 
     level     bias unknown, board still: the mean accelerometer is the tilt, nothing turns
     acquire   bias unknown, or a long gap just passed: strong gains, SETTLING until gravity agrees
@@ -167,28 +168,22 @@ class PidFilter:
             return PidState(q=q, rate_rad_s=rate, bias_known=bias_known, acquiring=not bias_known)
         if bias_known and not s.bias_known:
             s = _with_bias_known(s, rate)
-        if gap_s > 0.0 and s.rate_rad_s is not None:
-            s = _bridged(s, rate, gap_s, self.params.method)
+        if gap_s > 0.0:
+            s = _bridged(s, rate, gap_s)
         if still and not bias_known:
             return _standing_still(s, rate, force, dt)
         gains = self._acquire_gains(s) if s.acquiring else self._gains
-        last = s.rate_rad_s or rate
-        cx, cy, cz = s.correction.rate_rad_s
-        # The sample is the rate at its instant; the mean of two is the rate held between them.
-        held = (
-            0.5 * (last[0] + rate[0]) + cx,
-            0.5 * (last[1] + rate[1]) + cy,
-            0.5 * (last[2] + rate[2]) + cz,
-        )
-        q = step(s.q, held, dt, self.params.method)
-        error, up = tilt_error(q, force), up_in_body(q)
+        error, up = tilt_error(s.q, force), up_in_body(s.q)
+        correction = corrected(s.correction, error, up, dt, gains)
+        cx, cy, cz = correction.rate_rad_s
+        held = (rate[0] + cx, rate[1] + cy, rate[2] + cz)
         turn = held[0] * up[0] + held[1] * up[1] + held[2] * up[2]
         doubt = after_step(s.doubt, error, turn, dt, gains.kp)
         settling, agreeing_s = self._settling(s, doubt, dt, bias_known=bias_known)
         return PidState(
-            q=q,
+            q=step(s.q, held, dt, self.params.method),
             rate_rad_s=rate,
-            correction=corrected(s.correction, error, up, dt, gains),
+            correction=correction,
             doubt=doubt,
             bias_known=bias_known,
             settling=settling,
@@ -235,8 +230,8 @@ def _with_bias_known(s: PidState, rate: Vector) -> PidState:
     )
 
 
-def _bridged(s: PidState, rate: Vector, gap_s: float, method: Method) -> PidState:
-    """The state at the gap's end."""
+def _bridged(s: PidState, rate: Vector, gap_s: float) -> PidState:
+    """The state at the gap's end; the step is long, so it is taken exactly."""
     last = s.rate_rad_s or rate
     change = (rate[0] - last[0], rate[1] - last[1], rate[2] - last[2])
     ix, iy, iz = s.correction.integral_rad_s
@@ -245,7 +240,7 @@ def _bridged(s: PidState, rate: Vector, gap_s: float, method: Method) -> PidStat
         last[1] + 0.5 * change[1] + iy,
         last[2] + 0.5 * change[2] + iz,
     )
-    s = replace(s, q=step(s.q, held, gap_s, method), rate_rad_s=rate, doubt=after_gap(s.doubt, change, gap_s))
+    s = replace(s, q=step(s.q, held, gap_s, "exp"), rate_rad_s=rate, doubt=after_gap(s.doubt, change, gap_s))
     if gap_s > LONG_GAP_S:
         s = replace(s, settling=True, settling_s=0.0, agreeing_s=0.0, acquiring=True)
     return s

@@ -11,7 +11,7 @@ from quavelet.calibration.stillness import Six, StillnessLimits, StillRun, exten
 from quavelet.core.blocks import Flag, ImuBlock
 from quavelet.core.units import RAD_PER_DEG
 
-FOLLOW_WINDOWS = 15
+FOLLOW_WINDOWS = 8
 """The bias is the mean of the first so many still windows; then it follows with this time constant."""
 FOLLOW_LIMIT_RAD_S = 0.03 * RAD_PER_DEG
 """A window that differs by more is a slow turn, not a better measurement."""

@@ -1,0 +1,129 @@
+"""The block law, for every stage: however the rows are split, and wherever the state is saved and restored into a
+fresh stage, the output is the same to the last bit."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from quavelet.attitude.doubt import Residual
+from quavelet.attitude.pid import PidFilter, PidParams
+from quavelet.calibration.calibrate import Calibrate
+from quavelet.calibration.model import ImuCalibration
+from quavelet.calibration.still_bias import StillBias
+from quavelet.core.blocks import Flag, ImuBlock, RawBlock, Scale, array_fields, concat
+from quavelet.pipeline import build_pipeline
+from quavelet.settings import PidParams as Params
+from quavelet.settings import Settings, StartSettings
+
+SCALE = Scale(gyro_rad_s_per_lsb=np.radians(1 / 65.5), accel_m_s2_per_lsb=9.80665 / 8192, temp_degc_per_lsb=1 / 340,
+              temp_degc_at_zero=36.53)  # fmt: skip
+TILTED = ImuCalibration(
+    gyro_matrix=((1.01, 0.002, -0.003), (0.001, 0.98, 0.004), (0.0, -0.002, 1.02)),
+    accel_offset_m_s2=(0.1, -0.2, 0.3),
+    accel_matrix=((0.99, 0.001, 0.0), (0.002, 1.01, 0.003), (-0.001, 0.0, 1.005)),
+)
+RESIDUAL = Residual(tilt_rad=0.03, gyro_bias_rad_s=2e-4, gyro_scale=0.02)
+
+
+def raw_block(seed: int, n: int) -> RawBlock:
+    """Counts of a board that is still, moves, is still again; with gaps short and long, and clipping."""
+    rng = np.random.default_rng(seed)
+    period_s = rng.choice([0.005, 0.01, 0.02])
+    moving = (np.arange(n) // max(1, n // rng.integers(1, 6))) % 2 == rng.integers(0, 2)
+    gyro = rng.normal(300.0, 3.0, (n, 3)) + moving[:, None] * 4000.0 * np.sin(np.arange(n) / 20.0)[:, None]
+    accel = rng.normal([0.0, 800.0, 8100.0], 30.0, (n, 3)) + moving[:, None] * rng.normal(0.0, 1500.0, (n, 3))
+    counts = np.column_stack([accel, np.full(n, -3500), gyro]).clip(-32768, 32767).astype(np.int16)
+    gap = rng.random(n) < 0.02
+    gap_ns = np.where(gap, rng.choice([0, 30_000_000, 400_000_000, 3_000_000_000], n), 0).astype(np.int64)
+    step_ns = round(period_s * 1e9) + gap_ns
+    return RawBlock(
+        t_ns=np.cumsum(step_ns),
+        period_s=period_s * rng.uniform(0.999, 1.001, n),
+        gap_ns=gap_ns,
+        flags=np.where(gap, int(Flag.GAP | Flag.OVERFLOW), 0).astype(np.uint32),
+        counts=counts,
+        scale=SCALE,
+    )
+
+
+def imu_block(seed: int, n: int, *, bias_unknown: bool = True) -> ImuBlock:
+    calibration = ImuCalibration() if bias_unknown else ImuCalibration(gyro_bias_rad_s=(0.01, 0.02, -0.01))
+    return Calibrate(calibration).process(raw_block(seed, n))
+
+
+def levelled_block(seed: int, n: int) -> ImuBlock:
+    return StillBias(window_s=0.5).process(imu_block(seed, n))
+
+
+QUICK = Settings(start=StartSettings(still_s=0.5), filter=Params(kp=1.0, ki=0.1, kd=0.3))
+STAGES = {
+    "calibrate": (raw_block, lambda: Calibrate(TILTED)),
+    "still bias": (imu_block, lambda: StillBias(window_s=0.5)),
+    "pid, bias unknown then known": (levelled_block, lambda: PidFilter(PidParams(), residual=RESIDUAL)),
+    "pid with all terms": (
+        lambda seed, n: imu_block(seed, n, bias_unknown=False),
+        lambda: PidFilter(PidParams(kp=1.0, ki=0.1, kd=0.5, method="exp"), residual=RESIDUAL),
+    ),
+    "the whole pipeline": (raw_block, lambda: build_pipeline(QUICK, calibration=TILTED)),
+}
+
+
+def assert_identical(a, b):
+    for name in array_fields(type(a)):
+        x, y = getattr(a, name), getattr(b, name)
+        assert x.dtype == y.dtype, name
+        assert x.tobytes() == y.tobytes(), name
+
+
+@pytest.mark.parametrize("stage", STAGES)
+@settings(max_examples=25, deadline=None)
+@given(seed=st.integers(0, 10**6), data=st.data())
+def test_any_split_and_any_restore_give_the_same_bits(stage, seed, data):
+    make_block, make_stage = STAGES[stage]
+    n = data.draw(st.integers(1, 400))
+    block = make_block(seed, n)
+    whole = make_stage().process(block)
+    cuts = sorted(data.draw(st.lists(st.integers(0, n), max_size=8)))
+    current, pieces = make_stage(), []
+    for start, end in zip([0, *cuts], [*cuts, n], strict=True):
+        if data.draw(st.booleans()):
+            saved, current = current.state(), make_stage()
+            current.restore(saved)
+        pieces.append(current.process(block[start:end]))
+    assert_identical(whole, concat(pieces))
+
+
+@pytest.mark.parametrize("stage", STAGES)
+def test_one_sample_at_a_time_is_the_same_as_all_at_once(stage):
+    make_block, make_stage = STAGES[stage]
+    block = make_block(7, 1500)
+    whole, current = make_stage().process(block), make_stage()
+    assert_identical(whole, concat([current.process(block[k : k + 1]) for k in range(len(block))]))
+
+
+@pytest.mark.parametrize("stage", STAGES)
+def test_a_state_is_not_changed_by_going_on(stage):
+    """A saved state must be a value: restoring it twice gives the same both times."""
+    make_block, make_stage = STAGES[stage]
+    block = make_block(11, 600)
+    current = make_stage()
+    current.process(block[:300])
+    saved = current.state()
+    first = current.process(block[300:])
+    current.restore(saved)
+    assert_identical(first, current.process(block[300:]))
+
+
+def test_the_law_is_tested_where_it_matters():
+    """The blocks really go through stillness, a known bias, gaps and settling; else the law above is empty."""
+    block = levelled_block(7, 1500)
+    out = PidFilter(PidParams(), residual=RESIDUAL).process(block)
+    for flag in (Flag.GAP, Flag.BIAS_UNKNOWN, Flag.SETTLING):
+        set_rows = (out.flags & flag) != 0
+        assert set_rows.any(), flag
+        assert not set_rows.all(), flag
+    assert out.still.any()
+    assert not out.still.all()
