@@ -5,6 +5,7 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import isfinite
 from pathlib import Path
 from typing import cast
 
@@ -109,20 +110,27 @@ def load_settings(path: Path | None = None, *, options: Mapping[str, Value] | No
     if path is not None:
         for table, keys in _read_toml(path).items():
             if not isinstance(keys, dict):
+                if table in tables:
+                    raise SettingsError(f"{path}: {table} is a table: write [{table}] and its keys below")
                 raise SettingsError(f"{path}: {table} stands outside a table: write it under one of {_known(tables)}")
             if table not in tables:
                 raise SettingsError(f"{path}: unknown table [{table}]: the tables are {_known(tables)}")
             for key, value in keys.items():
                 if key not in tables[table]:
                     raise SettingsError(f"{path}: unknown key {table}.{key}: [{table}] has {_known(tables[table])}")
+                if not _is_finite(value):
+                    raise SettingsError(f"{path}: {table}.{key} = {value} is not a finite number: give one")
                 tables[table][key] = value
                 origin[f"{table}.{key}"] = str(path)
-    for name, value in (options or {}).items():
-        table, _, key = name.partition(".")
-        tables[table][key] = value
-        origin[name] = "command line"
-    where = str(path) if path is not None else "settings"
-    return LoadedSettings(parse_settings(tables, where=where), origin)
+    settings = parse_settings(tables, where=str(path))
+    if options:
+        for name, value in options.items():
+            table, _, key = name.partition(".")
+            tables[table][key] = value
+            origin[name] = "command line"
+        # By itself, so that the file is not blamed for an option.
+        settings = parse_settings(tables, where="command line")
+    return LoadedSettings(settings, origin)
 
 
 def parse_settings(tables: object, *, where: str) -> Settings:
@@ -142,6 +150,12 @@ def _read_toml(path: Path) -> dict[str, object]:
         raise SettingsError(f"{path}: cannot be read ({error.strerror}): give the path of a TOML file") from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise SettingsError(f"{path}: is not TOML: {error}") from error
+
+
+def _is_finite(value: object) -> bool:
+    if isinstance(value, list):
+        return all(_is_finite(item) for item in value)
+    return not isinstance(value, float) or isfinite(value)
 
 
 def _known(names: Mapping[str, object]) -> str:

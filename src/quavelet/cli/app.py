@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import logging
+import os
 import sys
 from importlib.metadata import version
-from typing import Annotated
+from pathlib import Path
+from typing import Annotated, Any
 
 import typer
 
@@ -14,7 +16,7 @@ from quavelet.core.errors import ImuError
 
 app = typer.Typer(
     help="Which way is up: attitude from an MPU-6050.",
-    no_args_is_help=True,
+    invoke_without_command=True,
     add_completion=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
@@ -34,6 +36,7 @@ def _show_version(wanted: bool) -> None:
 
 @app.callback()
 def common(
+    context: typer.Context,
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Tell more on stderr.")] = False,
     _version: Annotated[
         bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Print the version and leave.")
@@ -42,15 +45,35 @@ def common(
     logging.basicConfig(
         level=logging.DEBUG if verbose else logging.WARNING, format="quavelet: %(message)s", stream=sys.stderr
     )
+    if context.invoked_subcommand is None:
+        print(context.get_help(), file=sys.stderr)
+        raise typer.Exit(exits.USAGE)
 
 
 def main() -> None:
     """Run the command line; every error on purpose is one sentence on stderr and an exit code."""
+    _open_what_is_closed()
     try:
-        app()
+        sys.exit(app(standalone_mode=False))
+    except _UsageError as error:
+        usage: str = error.format_message()
+        path = error.ctx.command_path if error.ctx else "quavelet"
+        print(f"quavelet: {usage.rstrip('.')}, see `{path} --help`", file=sys.stderr)
+        sys.exit(exits.USAGE)
     except ImuError as error:
         print(f"quavelet: {error}", file=sys.stderr)
         sys.exit(exits.exit_code(error))
-    except BrokenPipeError:
-        exits.forget_stdout()
-        sys.exit(exits.OK)
+    except typer.Abort:
+        sys.exit(exits.INTERRUPTED)
+
+
+# Typer has a copy of click of its own or not, by its version: the class is found where the installed one has it.
+_UsageError: Any = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "UsageError")
+
+
+def _open_what_is_closed() -> None:
+    """Closed standard streams (`>&-`) go to /dev/null: another file would get their numbers, and what is meant
+    for them."""
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, Path(os.devnull).open("w"))  # noqa: SIM115

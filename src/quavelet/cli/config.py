@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import sys
 from typing import Annotated, cast
 
 import msgspec
 import typer
 
-from quavelet.cli import options
-from quavelet.settings import LoadedSettings, Tables
+from quavelet.cli import exits, options
+from quavelet.settings import LoadedSettings, Tables, Value
 from quavelet.sinks.message import Message
 
 Schema = Annotated[bool, typer.Option("--schema", help="The JSON schema of the messages, instead.")]
@@ -28,8 +27,8 @@ def config(
         _print_json(msgspec.json.schema(Message))
         return
     loaded = options.settings_of(bus, address, config)
-    tables = cast(Tables, msgspec.to_builtins(loaded.settings))
     if json:
+        tables = cast(Tables, msgspec.to_builtins(loaded.settings))
         _print_json(
             {
                 table: {key: {"value": value, "origin": loaded.origin[f"{table}.{key}"]} for key, value in keys.items()}
@@ -37,18 +36,26 @@ def config(
             }
         )
         return
-    print("\n\n".join(_toml_table(table, tables, loaded) for table in tables))
+    exits.put(as_toml(loaded))
 
 
-def _toml_table(table: str, tables: Tables, loaded: LoadedSettings) -> str:
-    lines = [f"[{table}]"]
-    for key, value in tables[table].items():
-        origin = loaded.origin[f"{table}.{key}"]
-        # A TOML value of these types (text, numbers, booleans, lists of numbers) is written as in JSON.
-        text = f"0x{value:02x}" if key == "address" else msgspec.json.encode(value).decode()
-        lines.append(f"{f'{key} = {text}':<36}# {origin}")
-    return "\n".join(lines)
+def as_toml(loaded: LoadedSettings) -> str:
+    """A settings file that gives these settings; behind each its origin."""
+    tables = cast(Tables, msgspec.to_builtins(loaded.settings))
+    return "\n\n".join(
+        "\n".join(
+            [f"[{table}]", *(_toml_line(key, value, loaded.origin[f"{table}.{key}"]) for key, value in keys.items())]
+        )
+        for table, keys in tables.items()
+    )
+
+
+def _toml_line(key: str, value: Value, origin: str) -> str:
+    # A TOML value of these types (text, numbers, booleans, lists of numbers) is written as in JSON, but for DEL.
+    text = f"0x{value:02x}" if key == "address" else msgspec.json.encode(value).decode().replace("\x7f", "\\u007f")
+    comment = "".join(c if c.isprintable() else "?" for c in origin)
+    return f"{f'{key} = {text}':<36}# {comment}"
 
 
 def _print_json(value: object) -> None:
-    sys.stdout.write(msgspec.json.format(msgspec.json.encode(value), indent=2).decode() + "\n")
+    exits.put(msgspec.json.format(msgspec.json.encode(value), indent=2).decode())

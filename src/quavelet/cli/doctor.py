@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from typing import Annotated
 
 import msgspec
@@ -32,6 +31,8 @@ def doctor(
         for finding in check_up(settings, clock=clock):
             show(finding)
             all_ok &= finding.ok
+    except exits.OutputError:
+        raise
     except ImuError as error:
         show(Finding(name="stopped", ok=False, found=type(error).__name__, advice=str(error)))
         code = exits.exit_code(error)
@@ -41,13 +42,9 @@ def doctor(
 
 
 def _show_line(finding: Finding) -> None:
-    mark = "ok  " if finding.ok else "BAD "
-    print(f"{mark} {finding.name:<16} {finding.found}")
-    if finding.advice:
-        print(f"{'':21}-> {finding.advice}")
-    sys.stdout.flush()
+    line = f"{'ok  ' if finding.ok else 'BAD '} {finding.name:<16} {finding.found}"
+    exits.put(f"{line}\n{'':21}-> {finding.advice}" if finding.advice else line)
 
 
 def _show_json(finding: Finding) -> None:
-    sys.stdout.write(msgspec.json.encode(finding).decode() + "\n")
-    sys.stdout.flush()
+    exits.put(msgspec.json.encode(finding).decode())

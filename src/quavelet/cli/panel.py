@@ -20,7 +20,7 @@ from quavelet.loop.deadline import LoopStats
 from quavelet.sinks.message import Message
 
 REDRAW_S = 0.1
-_BAR_HALF_WIDTH = 15
+_BAR_HALF_WIDTH = 13
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +74,7 @@ def render(message: Message, status: Status) -> RenderableType:
         (f"yaw   about z ({message.yaw})", message.yaw_deg, message.sigma_deg[2]),
     )
     for name, degrees, sigma in rows:
-        angles.add_row(name, Text(f"{degrees:+8.2f}°", style="bold"), f"± {sigma:.2f}°", _bar(degrees))
+        angles.add_row(name, Text(f"{degrees:+8.2f}°", style="bold"), f"± {sigma:6.2f}°", _bar(degrees))
     x, y, z = (DEG_PER_RAD * rate for rate in message.gyro_rad_s)
     fx, fy, fz = message.accel_m_s2
     facts = Table.grid(padding=(0, 2))
@@ -96,7 +96,8 @@ def render(message: Message, status: Status) -> RenderableType:
         )
     flags = Text(", ".join(message.flags) or "all well", style="yellow" if message.flags else "green")
     fake = "fake:" in message.src
-    title = f"{message.src} — NOT A REAL CHIP" if fake else message.src
+    # First, for a long name is cut.
+    title = f"NOT A REAL CHIP — {message.src}" if fake else message.src
     return Panel(Group(angles, "", facts, "", flags), title=title, border_style="magenta" if fake else "blue", width=80)
 
 

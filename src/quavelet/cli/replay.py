@@ -55,9 +55,9 @@ def replay(
     with ExitStack() as stack:
         if to_panel:
             status = lambda: Status(source.decoder.measured_rate_hz, health, None)  # noqa: E731
-            hub.subscribe("output", stack.enter_context(LivePanel(Console(), status=status)), depth=1)
+            hub.subscribe("stdout", stack.enter_context(LivePanel(Console(), status=status)), depth=1)
         else:
-            hub.subscribe("output", JsonLines(sys.stdout.buffer), depth=QUEUE_DEPTH, policy=Policy.WAIT)
+            hub.subscribe("stdout", JsonLines(sys.stdout.buffer), depth=QUEUE_DEPTH, policy=Policy.WAIT)
         stack.callback(hub.close)
         stack.enter_context(stopped_by_signals(stop))
         for raw in paced(source, clock=MonotonicClock(), speed=speed):

@@ -6,6 +6,7 @@ import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from math import isinf
 from pathlib import Path
 from types import FrameType
 
@@ -16,6 +17,7 @@ from quavelet.bus.open import open_bus
 from quavelet.cli import exits, options
 from quavelet.cli.panel import LivePanel, Status
 from quavelet.core.clock import Clock, MonotonicClock, VirtualClock
+from quavelet.core.errors import ImuError
 from quavelet.core.health import Health
 from quavelet.core.units import NS_PER_MS, NS_PER_S
 from quavelet.imu import Imu
@@ -57,6 +59,7 @@ def run_live(
     policy = Policy.WAIT if virtual_time else Policy.LOSE_OLDEST
     messages: Hub[Message] = Hub()
     records: Hub[StreamInfo | Drain] = Hub()
+    failure: ImuError | None = None
     with ExitStack() as stack:
         i2c = stack.enter_context(open_bus(settings.bus.name, clock=clock))
         if record is not None:
@@ -64,20 +67,39 @@ def run_live(
             records.subscribe("recording", writer, depth=QUEUE_DEPTH, policy=policy)
         stack.callback(records.close)
         imu = Imu(i2c, settings=settings, clock=clock, on_stream=records.publish, on_drain=records.publish)
-        _subscribe_output(stack, messages, imu, json=json, policy=policy)
-        stack.callback(messages.close)
-        if not virtual_time:
-            _be_punctual(stack, settings.loop)
-        stack.enter_context(stopped_by_signals(imu.loop.stop))
-        until_ns = None if duration_s is None else clock.now_ns() + round(duration_s * NS_PER_S)
-        for message in imu.messages(until_ns=until_ns):
-            messages.publish(message)
-            if "output" in messages.failures():
-                break
+        try:
+            # Asks who is there, before anything else is set or said.
+            imu.read()
+            _subscribe_output(stack, messages, imu, json=json, policy=policy)
+            stack.callback(messages.close)
+            if not virtual_time:
+                _be_punctual(stack, settings.loop)
+            stack.enter_context(stopped_by_signals(imu.loop.stop))
+            for message in imu.messages(until_ns=_until_ns(clock, duration_s)):
+                messages.publish(message)
+                if "stdout" in messages.failures():
+                    break
+        except ImuError as error:
+            failure = error
+    if failure is not None and imu.source.info is None:
+        if record is not None:
+            # Nothing is in it, and the next try would be refused for it.
+            record.unlink(missing_ok=True)
+        raise failure
     tell_counts(imu.health, imu.bus.name, imu.measured_rate_hz)
     _tell_loop(imu.loop.stats)
     _tell_lost(messages)
-    return max(outcome(messages), _recording_outcome(records, record) if record else exits.OK)
+    code = max(outcome(messages), _recording_outcome(records, record) if record else exits.OK)
+    if failure is not None:
+        raise failure
+    return code
+
+
+def _until_ns(clock: Clock, duration_s: float | None) -> int | None:
+    """When to stop by `clock`; None for never, as infinity says too."""
+    if duration_s is None or isinf(duration_s):
+        return None
+    return clock.now_ns() + round(duration_s * NS_PER_S)
 
 
 def talk(text: str) -> None:
@@ -104,7 +126,7 @@ def stopped_by_signals(stop: Callable[[], None]) -> Iterator[None]:
 
 def _subscribe_output(stack: ExitStack, hub: Hub[Message], imu: Imu, *, json: bool, policy: Policy) -> None:
     if json or not sys.stdout.isatty():
-        hub.subscribe("output", JsonLines(sys.stdout.buffer), depth=QUEUE_DEPTH, policy=policy)
+        hub.subscribe("stdout", JsonLines(sys.stdout.buffer), depth=QUEUE_DEPTH, policy=policy)
         return
 
     def status() -> Status:
@@ -112,7 +134,7 @@ def _subscribe_output(stack: ExitStack, hub: Hub[Message], imu: Imu, *, json: bo
 
     panel = stack.enter_context(LivePanel(Console(), status=status))
     # A panel shows the newest; it never needs a queue.
-    hub.subscribe("output", panel, depth=1)
+    hub.subscribe("stdout", panel, depth=1)
 
 
 def _be_punctual(stack: ExitStack, loop: LoopSettings) -> None:
@@ -140,7 +162,7 @@ def tell_counts(health: Health, src: str, rate_hz: float | None) -> None:
 
 def outcome(messages: Hub[Message]) -> int:
     """The exit code for what became of standard output."""
-    failure = messages.failures().get("output")
+    failure = messages.failures().get("stdout")
     if failure is None:
         return exits.OK
     if isinstance(failure, BrokenPipeError):

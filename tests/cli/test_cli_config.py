@@ -1,0 +1,53 @@
+"""`quavelet config` shows every setting with its origin, and what it prints is a settings file."""
+
+import json
+import tomllib
+from pathlib import Path
+
+from hypothesis import given
+from hypothesis import strategies as st
+from program import quavelet
+
+from quavelet.attitude.pid import PidParams
+from quavelet.cli import exits
+from quavelet.cli.config import as_toml
+from quavelet.settings import BusSettings, LoadedSettings, Settings, StartSettings, load_settings, parse_settings
+
+GAIN = st.floats(0.0, 100.0)
+SETTINGS = st.builds(
+    Settings,
+    bus=st.builds(BusSettings, name=st.text(), address=st.integers(0x08, 0x77)),
+    start=st.builds(
+        StartSettings,
+        still_s=st.floats(0.5, 60.0),
+        gyro_bias_dps=st.just(()) | st.tuples(*[st.floats(-50.0, 50.0)] * 3),
+    ),
+    filter=st.builds(PidParams, kp=GAIN, ki=GAIN, kd=GAIN, integral_limit_rad_s=GAIN),
+)
+
+
+@given(SETTINGS, st.text())
+def test_what_it_prints_loads_as_the_same_settings(settings: Settings, origin: str) -> None:
+    origins = dict.fromkeys(load_settings().origin, origin)
+    text = as_toml(LoadedSettings(settings, origins))
+    assert parse_settings(tomllib.loads(text), where="printed") == settings
+
+
+def test_each_value_is_shown_with_its_origin(tmp_path: Path) -> None:
+    path = tmp_path / "imu.toml"
+    path.write_text('[bus]\nname = "linux:3"\naddress = 0x69\n[chip]\ndlpf = 4\n')
+    arguments = ("config", "--config", path, "--bus", "fake:still")
+    done = quavelet(*arguments)
+    assert (done.code, done.err) == (exits.OK, "")
+    shown = dict(line.split(" = ", 1) for line in done.lines if " = " in line)
+    assert shown["name"].split() == ['"fake:still"', "#", "command", "line"]
+    assert shown["address"].split() == ["0x69", "#", str(path)]
+    assert shown["dlpf"].split() == ["4", "#", str(path)]
+    assert shown["still_s"].split() == ["2.0", "#", "default"]
+    origins = json.loads(quavelet(*arguments, "--json").out)
+    assert origins["bus"]["name"] == {"value": "fake:still", "origin": "command line"}
+    assert origins["chip"]["dlpf"] == {"value": 4, "origin": str(path)}
+
+    printed = tmp_path / "printed.toml"
+    printed.write_text(done.out)
+    assert load_settings(printed).settings == load_settings(path, options={"bus.name": "fake:still"}).settings
