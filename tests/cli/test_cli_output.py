@@ -111,7 +111,7 @@ def test_a_closed_stream_is_no_failure_and_nothing_goes_astray(closed: int, stre
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_run_in_real_time_ends_on_a_signal_with_its_summary(number: signal.Signals, tmp_path: Path) -> None:
     path = tmp_path / "signal.qrec"
-    command = [PROGRAM, "run", "--bus", "fake:tilt", "--record", path]
+    command = [PROGRAM, "run", "--bus", "fake:tilt", "--record", str(path)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as running:
         assert running.stdout
         first = running.stdout.readline()

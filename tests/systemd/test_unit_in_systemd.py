@@ -4,6 +4,7 @@ Not proven here: LimitRTPRIO and LimitMEMLOCK (root of a container may not raise
 (there is no I2C driver).
 """
 
+import re
 import shutil
 import subprocess
 import sys
@@ -94,6 +95,33 @@ def test_the_service_runs_in_its_sandbox_and_its_stop_is_a_success(tmp_path: Pat
     assert '"v":1' not in told  # a hundred lines a second have no place in the journal
     if Path("/dev/cpu_dma_latency").exists():
         assert "cpu_dma_latency: done" in told
+
+
+@pytest.mark.slow
+def test_a_program_behind_a_pipe_gets_the_messages(tmp_path: Path) -> None:
+    readme = (UNIT.parent / "README.md").read_text()
+    (edit,) = re.findall(
+        r"^    (\[Service\]\n    ExecStart=\n    ExecStart=.* \| /opt/mine/program'\n)", readme, re.MULTILINE
+    )
+    told = _in_systemd(
+        tmp_path,
+        f"""
+        mkdir /opt/mine
+        printf '#!/bin/sh\\nexec tee lines >&2\\n' > /opt/mine/program
+        chmod 755 /opt/mine/program
+        edit <<'P'
+{edit}
+P
+        systemctl start quavelet@imu0
+        until_true '[ -s /var/lib/quavelet/lines ]'
+        systemctl stop quavelet@imu0
+        property Result
+        head -1 /var/lib/quavelet/lines
+        """,
+    )
+    result, line = told.splitlines()
+    assert result == "success"
+    assert line.startswith('{"v":1,')
 
 
 @pytest.mark.slow
