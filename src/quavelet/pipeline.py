@@ -49,6 +49,7 @@ def build_pipeline(settings: Settings, *, calibration: ImuCalibration = UNCALIBR
     residual = Residual(
         tilt_rad=calibration.accel_sigma_m_s2 / STANDARD_GRAVITY_M_S2,
         gyro_bias_rad_s=calibration.gyro_bias_sigma_rad_s,
+        gyro_bias_rad_s_degc=calibration.gyro_bias_sigma_rad_s_degc,
         gyro_scale=calibration.gyro_scale_sigma,
     )
     return Pipeline(

@@ -17,7 +17,7 @@ from quavelet.core.euler import to_euler
 from quavelet.core.quaternion import inclination_between
 
 G = 9.80665
-RESIDUAL = Residual(tilt_rad=0.001, gyro_bias_rad_s=np.radians(0.01), gyro_scale=0.0)
+RESIDUAL = Residual(tilt_rad=0.001, gyro_bias_rad_s=np.radians(0.01), gyro_bias_rad_s_degc=0.0, gyro_scale=0.0)
 PLAIN = PidParams(kp=1.0, ki=0.0)
 
 

@@ -25,7 +25,7 @@ TILTED = ImuCalibration(
     accel_offset_m_s2=(0.1, -0.2, 0.3),
     accel_matrix=((0.99, 0.001, 0.0), (0.002, 1.01, 0.003), (-0.001, 0.0, 1.005)),
 )
-RESIDUAL = Residual(tilt_rad=0.03, gyro_bias_rad_s=2e-4, gyro_scale=0.02)
+RESIDUAL = Residual(tilt_rad=0.03, gyro_bias_rad_s=2e-4, gyro_bias_rad_s_degc=0.0, gyro_scale=0.02)
 
 
 def raw_block(seed: int, n: int) -> RawBlock:

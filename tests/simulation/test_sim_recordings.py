@@ -21,7 +21,7 @@ from quavelet.settings import PidParams, Settings, StartSettings
 
 RECORDED = ChipConfig(gyro_range_dps=250, accel_range_g=8, dlpf=3, sample_rate_hz=100.0)
 PLAIN_PID = PidParams(kp=1.0, ki=0.0)
-RESIDUAL = Residual(tilt_rad=0.03, gyro_bias_rad_s=2e-4, gyro_scale=0.02)
+RESIDUAL = Residual(tilt_rad=0.03, gyro_bias_rad_s=2e-4, gyro_bias_rad_s_degc=0.0, gyro_scale=0.02)
 SET_1_BIAS_DPS = (4.54, 0.12, 1.02)
 SET_1_GRAVITY = 1.035
 HAND = [

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import pi, sqrt
+from math import hypot, pi, sqrt
 
 from quavelet.attitude.kernel import ZERO, Vector
 from quavelet.core.units import RAD_PER_DEG
@@ -21,10 +21,12 @@ ERROR_TAU_S = 1.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Residual:
-    """What the calibration leaves open, one sigma each: tilt, the bias once known, the relative scale."""
+    """What the calibration leaves open, one sigma each: tilt, the bias once known and how it goes with the chip's
+    temperature since then, the relative scale."""
 
     tilt_rad: float
     gyro_bias_rad_s: float
+    gyro_bias_rad_s_degc: float
     gyro_scale: float
 
 
@@ -38,6 +40,7 @@ class Doubt:
     gap_ms        mean square of what a bridged gap may have cost in tilt, fading with the loop, rad^2
     yaw_s         time since yaw counts from zero
     turned_rad    turned about the vertical since then
+    drift_rad     what the bias may have made of it, each step's sigma added up: the error keeps its sign
     yaw_ms        mean square of what gaps may have cost in yaw, rad^2
     """
 
@@ -47,11 +50,20 @@ class Doubt:
     gap_ms: float = 0.0
     yaw_s: float = 0.0
     turned_rad: float = 0.0
+    drift_rad: float = 0.0
     yaw_ms: float = 0.0
 
 
-def after_step(doubt: Doubt, error: Vector, turn_rad_s: float, dt: float, kp: float) -> Doubt:
-    """One more step of `dt` with this tilt error and this rate about the vertical, in a loop of gain `kp`."""
+def bias_sigma(residual: Residual, *, known: bool, warmer_degc: float) -> float:
+    """One sigma of the bias in rad/s, when the chip is `warmer_degc` than when its bias was measured."""
+    if not known:
+        return BIAS_LIMIT_SIGMA_RAD_S
+    return hypot(residual.gyro_bias_rad_s, residual.gyro_bias_rad_s_degc * warmer_degc)
+
+
+def after_step(doubt: Doubt, error: Vector, turn_rad_s: float, drift_rad_s: float, dt: float, kp: float) -> Doubt:
+    """One more step of `dt` with this tilt error, this rate about the vertical and this sigma of the bias, in a loop
+    of gain `kp`."""
     ex, ey, ez = error
     px, py, pz = doubt.pull_rad
     share = kp * dt / (1.0 + kp * dt)
@@ -64,6 +76,7 @@ def after_step(doubt: Doubt, error: Vector, turn_rad_s: float, dt: float, kp: fl
         gap_ms=doubt.gap_ms * (1.0 - share) * (1.0 - share),
         yaw_s=doubt.yaw_s + dt,
         turned_rad=doubt.turned_rad + turn_rad_s * dt,
+        drift_rad=doubt.drift_rad + drift_rad_s * dt,
         yaw_ms=doubt.yaw_ms,
     )
 
@@ -75,11 +88,9 @@ def after_gap(doubt: Doubt, change: Vector, gap_s: float) -> Doubt:
     return replace(doubt, gap_ms=doubt.gap_ms + ms, yaw_ms=doubt.yaw_ms + ms)
 
 
-def sigmas(doubt: Doubt, residual: Residual, *, bias_known: bool) -> tuple[float, float]:
+def sigmas(doubt: Doubt, residual: Residual) -> tuple[float, float]:
     """One sigma in rad of tilt (about each horizontal axis) and of yaw since it counts from zero."""
     tilt = sqrt(residual.tilt_rad**2 + TILT_FLOOR_RAD**2 + doubt.pull_ms + doubt.gap_ms)
-    bias = residual.gyro_bias_rad_s if bias_known else BIAS_LIMIT_SIGMA_RAD_S
-    drift = bias * doubt.yaw_s
     scale = residual.gyro_scale * doubt.turned_rad
-    yaw = sqrt(GYRO_DENSITY_RAD**2 * doubt.yaw_s + drift * drift + scale * scale + doubt.yaw_ms)
+    yaw = sqrt(GYRO_DENSITY_RAD**2 * doubt.yaw_s + doubt.drift_rad**2 + scale * scale + doubt.yaw_ms)
     return tilt, min(yaw, YAW_MAX_RAD)

@@ -13,6 +13,7 @@ A gap is bridged by holding the mean of the rates before and after it; what that
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from math import sqrt
 
@@ -20,7 +21,7 @@ import msgspec
 import numpy as np
 
 from quavelet.attitude.correction import Correction, Gains, corrected
-from quavelet.attitude.doubt import Doubt, Residual, after_gap, after_step, sigmas
+from quavelet.attitude.doubt import Doubt, Residual, after_gap, after_step, bias_sigma, sigmas
 from quavelet.attitude.kernel import (
     IDENTITY,
     ZERO,
@@ -32,21 +33,14 @@ from quavelet.attitude.kernel import (
     tilt_error,
     up_in_body,
 )
+from quavelet.attitude.settling import Settling, gains_of, restarted, settled
+from quavelet.attitude.settling import after_step as settled_further
 from quavelet.core.blocks import AttitudeBlock, Flag, ImuBlock
 from quavelet.core.errors import SettingsError
-from quavelet.core.units import NS_PER_S, RAD_PER_DEG
+from quavelet.core.units import NS_PER_S
 
 LONG_GAP_S = 1.0
 """A longer gap is not to be bridged: nobody knows what the board did."""
-ACQUIRE_KP = 2.0
-"""With the integral's gain at kp^2/4 (critical damping) 20 deg/s of bias cost 0.7 deg of tilt after 5 s."""
-ACQUIRE_S = 4.0
-"""Time at full gain; over the same time again it falls to 1."""
-ACQUIRE_LIMIT_RAD_S = 25.0 * RAD_PER_DEG
-"""The integral must hold any bias: the data sheet's 20 deg/s and a margin."""
-SETTLED_RAD, UNSETTLED_RAD = 2.5 * RAD_PER_DEG, 5.0 * RAD_PER_DEG
-"""Root mean square error below which SETTLING ends, and above which it returns while the bias is unknown."""
-SETTLED_FOR_S = 2.0
 
 
 class PidParams(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -83,21 +77,30 @@ class PidState:
 
     rate_rad_s   the last sample's rate, None before the first sample
     level_sum    sum of the accelerometer while levelling
-    bias_known   whether the last sample's bias was known
-    settling     whether SETTLING is flagged, for settling_s so far, agreeing with gravity for agreeing_s
-    acquiring    whether the strong gains are on
+    bias         the last sample's bias, None while it is unknown; bias_degc the temperature when it last changed
     """
 
     q: Quaternion = IDENTITY
     rate_rad_s: Vector | None = None
     correction: Correction = Correction()
     doubt: Doubt = Doubt()
+    settling: Settling = Settling()
     level_sum: Vector = ZERO
-    bias_known: bool = False
-    settling: bool = True
-    settling_s: float = 0.0
-    agreeing_s: float = 0.0
-    acquiring: bool = False
+    bias: Vector | None = None
+    bias_degc: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class _Sample:
+    """One row of an `ImuBlock`; bias is None while it is unknown."""
+
+    rate: Vector
+    force: Vector
+    dt: float
+    gap_s: float
+    still: bool
+    bias: Vector | None
+    temp_degc: float
 
 
 class PidFilter:
@@ -119,24 +122,13 @@ class PidFilter:
         n = len(block)
         q, sigma, flags = np.empty((n, 4)), np.empty((n, 3)), block.flags.copy()
         integral = np.empty((n, 3))
-        rates, forces = block.gyro_rad_s.tolist(), block.accel_m_s2.tolist()
-        periods, gaps_ns = block.period_s.tolist(), block.gap_ns.tolist()
-        still, in_flags = block.still.tolist(), block.flags.tolist()
-        for k in range(n):
-            s = self._s = self._next(
-                self._s,
-                tuple(rates[k]),
-                tuple(forces[k]),
-                periods[k],
-                gaps_ns[k] / NS_PER_S,
-                still=still[k],
-                bias_known=not in_flags[k] & Flag.BIAS_UNKNOWN,
-            )
+        for k, sample in enumerate(_samples(block)):
+            s = self._s = self._next(self._s, sample)
             q[k] = s.q if s.q[0] >= 0.0 else [-x for x in s.q]
-            tilt, yaw = sigmas(s.doubt, self._residual, bias_known=s.bias_known)
+            tilt, yaw = sigmas(s.doubt, self._residual)
             sigma[k] = tilt, tilt, yaw
             integral[k] = s.correction.integral_rad_s
-            if s.settling:
+            if s.settling.settling:
                 flags[k] |= Flag.SETTLING
         return AttitudeBlock(
             t_ns=block.t_ns,
@@ -152,104 +144,96 @@ class PidFilter:
             still=block.still,
         )
 
-    def _next(
-        self,
-        s: PidState,
-        rate: Vector,
-        force: Vector,
-        dt: float,
-        gap_s: float,
-        *,
-        still: bool,
-        bias_known: bool,
-    ) -> PidState:
+    def _next(self, s: PidState, sample: _Sample) -> PidState:
+        known = sample.bias is not None
         if s.rate_rad_s is None:
-            q = standing(force)
-            return PidState(q=q, rate_rad_s=rate, bias_known=bias_known, acquiring=not bias_known)
-        if bias_known and not s.bias_known:
-            s = _with_bias_known(s, rate)
-        if gap_s > 0.0:
-            s = _bridged(s, rate, gap_s)
-        if still and not bias_known:
-            return _standing_still(s, rate, force, dt)
-        gains = self._acquire_gains(s) if s.acquiring else self._gains
-        error, up = tilt_error(s.q, force), up_in_body(s.q)
-        correction = corrected(s.correction, error, up, dt, gains)
+            return PidState(
+                q=standing(sample.force),
+                rate_rad_s=sample.rate,
+                settling=restarted(bias_known=known),
+                bias=sample.bias,
+                bias_degc=sample.temp_degc,
+            )
+        if sample.bias != s.bias:
+            s = _with_new_bias(s, sample)
+        if sample.gap_s > 0.0:
+            s = _bridged(s, sample)
+        drift = bias_sigma(self._residual, known=known, warmer_degc=sample.temp_degc - s.bias_degc)
+        if sample.still and not known:
+            return _levelled(s, sample, drift)
+        gains = gains_of(s.settling, self._gains, bias_known=known)
+        error, up = tilt_error(s.q, sample.force), up_in_body(s.q)
+        correction = corrected(s.correction, error, up, sample.dt, gains)
+        wx, wy, wz = sample.rate
         cx, cy, cz = correction.rate_rad_s
-        held = (rate[0] + cx, rate[1] + cy, rate[2] + cz)
+        held = (wx + cx, wy + cy, wz + cz)
         turn = held[0] * up[0] + held[1] * up[1] + held[2] * up[2]
-        doubt = after_step(s.doubt, error, turn, dt, gains.kp)
-        settling, agreeing_s = self._settling(s, doubt, dt, bias_known=bias_known)
-        return PidState(
-            q=step(s.q, held, dt, self.params.method),
-            rate_rad_s=rate,
+        doubt = after_step(s.doubt, error, turn, drift, sample.dt, gains.kp)
+        return replace(
+            s,
+            q=step(s.q, held, sample.dt, self.params.method),
+            rate_rad_s=sample.rate,
             correction=correction,
             doubt=doubt,
-            bias_known=bias_known,
-            settling=settling,
-            settling_s=s.settling_s + dt if settling else 0.0,
-            agreeing_s=agreeing_s,
-            acquiring=s.acquiring and (settling or not bias_known),
+            settling=settled_further(s.settling, sqrt(doubt.error_ms), sample.dt, self.params.kp, bias_known=known),
+            level_sum=ZERO,
         )
 
-    def _acquire_gains(self, s: PidState) -> Gains:
-        kp = max(self.params.kp, 1.0)
-        if s.settling:
-            kp += (ACQUIRE_KP - 1.0) * min(1.0, max(0.0, 2.0 - s.settling_s / ACQUIRE_S))
-        if s.bias_known:
-            return replace(self._gains, kp=kp, kd=0.0)
-        return Gains(kp, 0.25 * kp * kp, 0.0, self.params.kd_tau_s, ACQUIRE_LIMIT_RAD_S)
 
-    def _settling(self, s: PidState, doubt: Doubt, dt: float, *, bias_known: bool) -> tuple[bool, float]:
-        """Whether SETTLING is flagged after this step, and for how long gravity has agreed."""
-        error = sqrt(doubt.error_ms)
-        if not s.settling:
-            return not bias_known and error > UNSETTLED_RAD, 0.0
-        agreeing_s = s.agreeing_s + dt if error < SETTLED_RAD else 0.0
-        if bias_known:
-            # With the bias known the loop itself forgets a wrong start, to e^-5 in this time.
-            return agreeing_s < SETTLED_FOR_S and s.settling_s * max(self.params.kp, 0.1) < 5.0, agreeing_s
-        return agreeing_s < SETTLED_FOR_S or s.settling_s < ACQUIRE_S, agreeing_s
-
-
-def _with_bias_known(s: PidState, rate: Vector) -> PidState:
-    """The stage before has just begun to remove the bias: the integral's estimate of it must go, and yaw
-    counts from here. After levelling nothing is left to settle."""
-    was_level = s.level_sum != ZERO
-    doubt = replace(s.doubt, yaw_s=0.0, turned_rad=0.0, yaw_ms=0.0)
-    if was_level:
-        doubt = replace(doubt, error_ms=0.0, pull_rad=ZERO, pull_ms=0.0)
-    return replace(
-        s,
-        rate_rad_s=rate,
-        correction=Correction(),
-        doubt=doubt,
-        level_sum=ZERO,
-        settling=s.settling and not was_level,
-        acquiring=s.acquiring and s.settling and not was_level,
+def _samples(block: ImuBlock) -> Iterator[_Sample]:
+    columns = zip(
+        block.gyro_rad_s.tolist(),
+        block.accel_m_s2.tolist(),
+        block.period_s.tolist(),
+        block.gap_ns.tolist(),
+        block.still.tolist(),
+        block.gyro_bias_rad_s.tolist(),
+        (block.flags & Flag.BIAS_UNKNOWN).tolist(),
+        block.temp_degc.tolist(),
+        strict=True,
     )
+    for rate, force, dt, gap_ns, still, bias, unknown, temp_degc in columns:
+        yield _Sample(
+            rate=tuple(rate),
+            force=tuple(force),
+            dt=dt,
+            gap_s=gap_ns / NS_PER_S,
+            still=still,
+            bias=None if unknown else tuple(bias),
+            temp_degc=temp_degc,
+        )
 
 
-def _bridged(s: PidState, rate: Vector, gap_s: float) -> PidState:
+def _with_new_bias(s: PidState, sample: _Sample) -> PidState:
+    """The stage before removes another bias from now on. When it is the first one, the integral's own estimate
+    must go, yaw counts from here, and after levelling nothing is left to settle."""
+    new = replace(s, bias=sample.bias, bias_degc=sample.temp_degc)
+    if s.bias is not None or sample.bias is None:
+        return new
+    doubt = replace(s.doubt, yaw_s=0.0, turned_rad=0.0, drift_rad=0.0, yaw_ms=0.0)
+    new = replace(new, rate_rad_s=sample.rate, correction=Correction(), doubt=doubt)
+    if s.level_sum == ZERO:
+        return new
+    doubt = replace(doubt, error_ms=0.0, pull_rad=ZERO, pull_ms=0.0)
+    return replace(new, doubt=doubt, settling=settled())
+
+
+def _bridged(s: PidState, sample: _Sample) -> PidState:
     """The state at the gap's end; the step is long, so it is taken exactly."""
-    last = s.rate_rad_s or rate
-    change = (rate[0] - last[0], rate[1] - last[1], rate[2] - last[2])
+    last = s.rate_rad_s or sample.rate
+    change = (sample.rate[0] - last[0], sample.rate[1] - last[1], sample.rate[2] - last[2])
     ix, iy, iz = s.correction.integral_rad_s
-    held = (
-        last[0] + 0.5 * change[0] + ix,
-        last[1] + 0.5 * change[1] + iy,
-        last[2] + 0.5 * change[2] + iz,
-    )
-    s = replace(s, q=step(s.q, held, gap_s, "exp"), rate_rad_s=rate, doubt=after_gap(s.doubt, change, gap_s))
-    if gap_s > LONG_GAP_S:
-        s = replace(s, settling=True, settling_s=0.0, agreeing_s=0.0, acquiring=True)
-    return s
+    held = (last[0] + 0.5 * change[0] + ix, last[1] + 0.5 * change[1] + iy, last[2] + 0.5 * change[2] + iz)
+    s = replace(s, q=step(s.q, held, sample.gap_s, "exp"), doubt=after_gap(s.doubt, change, sample.gap_s))
+    if sample.gap_s <= LONG_GAP_S:
+        return s
+    return replace(s, settling=restarted(bias_known=s.bias is not None, after_gap=True))
 
 
-def _standing_still(s: PidState, rate: Vector, force: Vector, dt: float) -> PidState:
+def _levelled(s: PidState, sample: _Sample, drift_rad_s: float) -> PidState:
     """Still with an unknown bias: the rate says nothing, the mean accelerometer all there is to know."""
     x, y, z = s.level_sum
-    level_sum = (x + force[0], y + force[1], z + force[2])
+    level_sum = (x + sample.force[0], y + sample.force[1], z + sample.force[2])
     q = standing(level_sum)
-    doubt = after_step(s.doubt, tilt_error(q, force), 0.0, dt, 1.0)
-    return replace(s, q=q, rate_rad_s=rate, correction=Correction(), doubt=doubt, level_sum=level_sum)
+    doubt = after_step(s.doubt, tilt_error(q, sample.force), 0.0, drift_rad_s, sample.dt, 1.0)
+    return replace(s, q=q, rate_rad_s=sample.rate, correction=Correction(), doubt=doubt, level_sum=level_sum)

@@ -20,19 +20,22 @@ class ImuCalibration:
     accel_sigma_m_s2         one sigma of an accelerometer axis' remaining offset
     gyro_scale_sigma         one sigma of the remaining relative error of a turned angle
     gyro_bias_sigma_rad_s    one sigma of the rate's bias once it is known
+    gyro_bias_sigma_rad_s_degc   one sigma of how it goes with the chip's temperature
 
-    The defaults are an uncalibrated chip: zero-g 50 mg and sensitivity 3 % are limits of the data sheet
-    (PS 6.1, 6.2), taken as the ends of uniform distributions. A bias measured at rest is good to about
-    0.01 deg/s for the minutes after.
+    The defaults are an uncalibrated chip, the limits of the data sheet (PS 6.1, 6.2) taken as the ends of uniform
+    distributions: zero-g 50, 50, 80 mg and 3 % of sensitivity make 37 mg, and 20 deg/s over the 60 degC to each
+    end of the temperature range make 0.19 deg/s/degC. A bias measured at rest is good to about 0.01 deg/s for the
+    minutes after, at the same temperature.
     """
 
     gyro_bias_rad_s: Vector | None = None
     gyro_matrix: Matrix = IDENTITY
     accel_offset_m_s2: Vector = (0.0, 0.0, 0.0)
     accel_matrix: Matrix = IDENTITY
-    accel_sigma_m_s2: float = 0.050 * STANDARD_GRAVITY_M_S2 / 3**0.5
+    accel_sigma_m_s2: float = 0.037 * STANDARD_GRAVITY_M_S2
     gyro_scale_sigma: float = 0.03 / 3**0.5
     gyro_bias_sigma_rad_s: float = 0.01 * RAD_PER_DEG
+    gyro_bias_sigma_rad_s_degc: float = 20.0 / 60.0 / 3**0.5 * RAD_PER_DEG
 
 
 UNCALIBRATED = ImuCalibration()
