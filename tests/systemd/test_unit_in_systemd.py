@@ -212,4 +212,5 @@ P
     assert told.count("PROBE") == 12, told
     # Without a driver, an I2C bus that may be opened is ENXIO.
     assert "PROBE i2c EPERM" in told
+    assert "PROBE /usr/x EROFS" in told  # not for being of another user only
     assert allowed == ["x", "unix"]
