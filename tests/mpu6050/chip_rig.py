@@ -20,7 +20,6 @@ from quavelet.core.health import Health
 from quavelet.core.units import NS_PER_MS, NS_PER_S
 from quavelet.mpu6050.config import ChipConfig
 from quavelet.mpu6050.source import ChipSource
-from quavelet.mpu6050.timebase import TimeBase
 
 ADDRESS = 0x68
 
@@ -217,25 +216,3 @@ class StubbornChip(FakeMpu6050):
             self.written.append((register, value))
         else:
             super()._store(register, taken)
-
-
-@dataclass(frozen=True)
-class CountSeries:
-    """A pure simulation of counts: what the time base is told, and the truth."""
-
-    nominal_hz: float
-    error: float
-    first_ns: float
-
-    @property
-    def period_ns(self) -> float:
-        return NS_PER_S / (self.nominal_hz * (1 + self.error))
-
-    def count_at(self, t_ns: float) -> int:
-        return int((t_ns - self.first_ns) / self.period_ns)
-
-    def true_ns(self, n: int) -> float:
-        return self.first_ns + n * self.period_ns
-
-    def base(self) -> TimeBase:
-        return TimeBase(nominal_period_s=1 / self.nominal_hz)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import pytest
 from chip_rig import ADDRESS, Rig, StubbornChip, config
 
@@ -229,7 +231,7 @@ def test_chip_that_is_slow_to_leave_reset_is_asked_every_10_ms(who_am_i):
     rig.chip.meanwhile = who_am_i
     rig.start()
     asked = [t.at_ns for t in rig.bus.trace if t.register == 0x75][1:]
-    waits_ms = [(b - a) / NS_PER_MS for a, b in zip(asked, asked[1:], strict=False)][:20]
+    waits_ms = [(b - a) / NS_PER_MS for a, b in pairwise(asked)][:20]
     assert waits_ms == pytest.approx([10] * 20, abs=1)
     assert [byte for register, byte in rig.chip.written if register == 0x6B].count(0x80) == 1
 
@@ -242,7 +244,7 @@ def test_chip_that_never_leaves_reset_is_reset_each_second_and_called_unstable_a
         rig.start()
     resets = [t.at_ns for t in rig.bus.trace if t.register == 0x6B and t.written == b"\x80"]
     assert len(resets) == 5
-    assert [b - a for a, b in zip(resets, resets[1:], strict=False)] == pytest.approx([NS_PER_S] * 4, rel=0.02)
+    assert [b - a for a, b in pairwise(resets)] == pytest.approx([NS_PER_S] * 4, rel=0.02)
     assert rig.clock.now_ns() - begin_ns == pytest.approx(5 * NS_PER_S, rel=0.02)
     assert rig.health.chip_restarts == 4
 

@@ -31,6 +31,7 @@ class DecoderState:
     last_ns      time of the last sample given out, -1 before the first
     pending      flags for the first sample after the gap, 0 where there is no gap
     next_seq     the drain number expected next
+    doubtful     `taken` was reckoned after a gap by a count read slowly; the next one that is not sets it right
     """
 
     timebase: TimeBaseState
@@ -38,6 +39,7 @@ class DecoderState:
     last_ns: int = -1
     pending: int = 0
     next_seq: int = 0
+    doubtful: bool = False
 
 
 class Decoder:
@@ -79,6 +81,8 @@ class Decoder:
         self._count(verdict)
         if verdict.must_reset:
             self._s = replace(self._s, pending=self._s.pending | _REASON[verdict])
+        if verdict is Verdict.EMPTY and self._timebase.started and not (self._s.pending or self._s.doubtful):
+            self._observe(self._s.taken, drain)
         if verdict is not Verdict.FRAMES:
             return empty_raw_block(self._scale)
         counts = np.frombuffer(drain.data, dtype=">i2").reshape(-1, FRAME_BYTES // 2).astype(np.int16)
@@ -89,27 +93,28 @@ class Decoder:
         flags = clip_flags(counts)
         gap_ns = np.zeros(n, dtype=np.int64)
         taken = s.taken
-        if s.pending:
-            at_ns = (drain.before_ns + drain.after_ns) // 2
-            lost = max(0, base.number_at(at_ns) - (taken + n)) if base.started else 0
+        slow = base.is_slow(drain.before_ns, drain.after_ns)
+        doubtful = slow and (s.doubtful or bool(s.pending))
+        if base.started and (s.pending or (s.doubtful and not slow)):
+            missing = base.number_at((drain.before_ns + drain.after_ns) // 2) - (taken + n)
+            lost = max(0, missing) if s.pending else missing
             taken += lost
-            flags[0] |= s.pending
-            gap_ns[0] = round(lost * base.period_s * NS_PER_S)
-            self._health.gaps += 1
             self._health.samples_lost += lost
+            if s.pending:
+                gap_ns[0] = round(lost * base.period_s * NS_PER_S)
+        if s.pending:
+            flags[0] |= s.pending
+            self._health.gaps += 1
         first = taken + 1
         taken += n
-        if base.is_slow(drain.before_ns, drain.after_ns):
-            self._health.slow_queries += 1
-        elif not base.observe(taken, drain.before_ns, drain.after_ns):
-            self._health.rate_out_of_bounds += 1
+        self._observe(taken, drain)
         if not base.sure:
             flags |= np.uint32(Flag.CLOCK_UNSURE)
         # A new fit may move the line back by less than a period; times stay strictly increasing.
         start_ns = max(base.time_ns(first), s.last_ns + 1)
         step_ns = max(base.period_s * NS_PER_S, 1.0)
         t_ns = start_ns + np.round(np.arange(n) * step_ns).astype(np.int64)
-        self._s = replace(s, taken=taken, last_ns=int(t_ns[-1]), pending=0)
+        self._s = replace(s, taken=taken, last_ns=int(t_ns[-1]), pending=0, doubtful=doubtful)
         self._health.samples += n
         return RawBlock(
             t_ns=t_ns,
@@ -119,6 +124,13 @@ class Decoder:
             counts=counts,
             scale=self._scale,
         )
+
+    def _observe(self, taken: int, drain: Drain) -> None:
+        """Tell the time base what was counted, unless nobody knows when."""
+        if self._timebase.is_slow(drain.before_ns, drain.after_ns):
+            self._health.slow_queries += 1
+        elif not self._timebase.observe(taken, drain.before_ns, drain.after_ns):
+            self._health.rate_out_of_bounds += 1
 
     def _count(self, verdict: Verdict) -> None:
         health = self._health

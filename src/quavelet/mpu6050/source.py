@@ -45,6 +45,9 @@ MAX_TRIES = 5
 MAX_FAILURES = 10
 """Net failed drains (one off for each good one) after which the chip is called lost."""
 
+STARVED_NS = NS_PER_S
+"""An empty FIFO for this long is a chip that does not sample; at its slowest it takes a sample in 256 ms."""
+
 log = logging.getLogger(__name__)
 
 
@@ -101,6 +104,7 @@ class ChipSource:
         self._tries = 0
         self._failures = 0
         self._seq = 0
+        self._fed_ns = 0
         self._restart_due = False
         self._nothing = empty_raw_block(scale_for(config.gyro_range_dps, config.accel_range_g, variant=MPU6050))
 
@@ -204,6 +208,7 @@ class ChipSource:
         info = self._chip.stream_info()
         self._chip.restart_fifo()
         self.decoder = Decoder(info, health=self._health)
+        self._fed_ns = self._clock.now_ns()
         if self._on_stream:
             self._on_stream(info)
         self._go(Step.STREAM, 0)
@@ -218,8 +223,20 @@ class ChipSource:
             try:
                 self._restart_fifo_if_due()
             except BusError as error:
+                self._health.bus_errors += 1  # no drain tells of it
                 self._fail(error)  # and the next drain begins with the restart
+        self._watch(drain)
         return block
+
+    def _watch(self, drain: Drain) -> None:
+        """A chip that was without power for a moment sleeps at its power-up values: it answers, and is empty."""
+        if drain.fifo_count or drain.failed or self._restart_due:
+            self._fed_ns = drain.after_ns
+        elif drain.after_ns - self._fed_ns > STARVED_NS:
+            raise DeviceLost(
+                f"the chip at 0x{self._chip.address:02x} on {self._chip.bus.name} answers, but has taken no sample "
+                f"for {STARVED_NS / NS_PER_S:g} s: its supply failed for a moment, check it, then start again"
+            )
 
     def _restart_fifo_if_due(self) -> None:
         if self._restart_due:

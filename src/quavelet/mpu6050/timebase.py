@@ -25,12 +25,13 @@ SLOW_MARGIN_NS = 100_000
 
 @dataclass(frozen=True, slots=True)
 class TimeBaseState:
-    """All memory: weighted means and central moments of (sample number, host time since `t0_ns`)."""
+    """All memory: weighted means and central moments of (sample number, host time since `t0_ns`), and the last pair."""
 
     t0_ns: int = 0
     observations: int = 0
     first_ns: int = 0
     last_ns: int = 0
+    last_n: int = 0
     weight: float = 0.0
     mean_n: float = 0.0
     mean_t_ns: float = 0.0
@@ -105,6 +106,7 @@ class TimeBase:
             observations=s.observations + 1,
             first_ns=s.first_ns,
             last_ns=at_ns,
+            last_n=n,
             weight=weight,
             mean_n=mean_n,
             mean_t_ns=mean_t,
@@ -119,9 +121,17 @@ class TimeBase:
     def time_ns(self, n: int) -> int:
         """Host time of the sample number `n`, counted from 1, by the present fit."""
         s = self._s
-        return s.t0_ns + round(s.mean_t_ns + (n - s.mean_n - 0.5) * s.period_ns)
+        anchor_n, anchor_t_ns = self._anchor()
+        return s.t0_ns + round(anchor_t_ns + (n - anchor_n - 0.5) * s.period_ns)
 
     def number_at(self, at_ns: int) -> int:
         """How many samples the chip had taken at this host time, by the present fit."""
         s = self._s
-        return int((at_ns - s.t0_ns - s.mean_t_ns) / s.period_ns + s.mean_n + 0.5)
+        anchor_n, anchor_t_ns = self._anchor()
+        return int((at_ns - s.t0_ns - anchor_t_ns) / s.period_ns + anchor_n + 0.5)
+
+    def _anchor(self) -> tuple[float, float]:
+        """A sample number, and the time since `t0_ns` at which it was counted on average."""
+        s = self._s
+        # By the nominal period a line through the mean would be wrong by 5 % of half the observed time.
+        return (s.mean_n, s.mean_t_ns) if s.sure else (s.last_n, float(s.last_ns - s.t0_ns))
