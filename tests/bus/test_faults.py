@@ -12,8 +12,8 @@ from quavelet.core.errors import BusBusy, BusError, BusPermission, DeviceMissing
 
 # number, class, what the sentence must say to help
 TABLE = [
-    (121, DeviceMissing, ["power", "SDA/SCL", "AD0", "quavelet doctor"]),  # EREMOTEIO
-    (6, DeviceMissing, ["power", "SDA/SCL", "AD0", "quavelet doctor"]),  # ENXIO
+    (121, DeviceMissing, ["power", "SDA", "SCL", "AD0"]),  # EREMOTEIO
+    (6, DeviceMissing, ["power", "SDA", "SCL", "AD0"]),  # ENXIO
     (16, BusBusy, ["kernel driver", "overlay", "0x69"]),  # EBUSY
     (13, BusPermission, ["group i2c", "usermod", "log in again"]),  # EACCES
     (1, BusPermission, ["group i2c", "usermod", "log in again"]),  # EPERM
@@ -21,9 +21,9 @@ TABLE = [
     (19, DeviceMissing, ["no bus", "raspi-config", "--bus"]),  # ENODEV
     (110, BusError, ["timed out", "held low", "pull-ups"]),  # ETIMEDOUT
     (5, BusError, ["EIO", "wires", "pull-ups"]),  # EIO
-    (71, BusError, ["EPROTO", "quavelet doctor"]),  # not in the table
-    (4242, BusError, ["4242", "quavelet doctor"]),  # unknown to Linux itself
-    (None, BusError, ["no error number", "quavelet doctor"]),
+    (71, BusError, ["EPROTO", "wiring"]),  # not in the table
+    (4242, BusError, ["4242", "wiring"]),  # unknown to Linux itself
+    (None, BusError, ["no error number", "wiring"]),
 ]
 
 

@@ -110,6 +110,15 @@ def test_a_failed_transfer_is_typed_and_the_bus_is_of_use_afterwards(
     assert bus.write_read(0x68, b"\x75", 2) == b"\x00\x01"
 
 
+def test_a_chip_that_a_kernel_driver_holds_is_never_written_to(kernel: I2CDev, bus: LinuxI2CBus) -> None:
+    """A clock chip at 0x68 with its driver loaded: I2C_RDWR alone would go past the driver."""
+    kernel.held = frozenset({0x68})
+    for _ in range(2):
+        with pytest.raises(BusBusy, match="held by a kernel driver"):
+            bus.write(0x68, b"\x6b\x80")
+    assert kernel.transactions == []
+
+
 @pytest.mark.parametrize(
     ("number", "kind", "hint"),
     [

@@ -20,8 +20,9 @@ import smbus2.smbus2
 
 from hw_fakes import Nack
 from hw_fakes.bus import Target
+from quavelet.bus import linux
 
-I2C_FUNCS, I2C_RDWR = 0x705, 0x707
+I2C_SLAVE, I2C_FUNCS, I2C_RDWR = 0x703, 0x705, 0x707
 I2C_M_RD = 1
 FUNCS = 0x0EFF0009  # I2C and all of SMBus emulated on it, as the Raspberry Pi's adapter says
 MOST_MESSAGES, MOST_BYTES = 42, 8192
@@ -50,15 +51,17 @@ class I2CDev:
 
     nack_errno    what a missing acknowledge is told as: EREMOTEIO on a Raspberry Pi, ENXIO on many other adapters
     no_i2c        opening succeeds, but the device is no I2C adapter
+    held          addresses that a kernel driver holds: I2C_SLAVE is refused, I2C_RDWR is not
     fail_with     errno of every transfer from now on
     open_files    path by file descriptor
-    ioctls        the requests, in order
+    ioctls        the requests, in order, I2C_SLAVE left out
     transactions  per I2C_RDWR, (address, direction, length) of its messages
     """
 
     adapters: dict[str, Mapping[int, Target] | int]
     nack_errno: int = errno.EREMOTEIO
     no_i2c: bool = False
+    held: frozenset[int] = frozenset()
     fail_with: int | None = None
     open_files: dict[int, str] = field(default_factory=dict)
     ioctls: list[int] = field(default_factory=list)
@@ -68,7 +71,11 @@ class I2CDev:
     def installed(self) -> Iterator[I2CDev]:
         """smbus2 talks to this kernel inside the block, and must have closed what it opened at its end."""
         system = SimpleNamespace(O_RDWR=os.O_RDWR, open=self._open, close=self._close)
-        with mock.patch.object(smbus2.smbus2, "os", system), mock.patch.object(smbus2.smbus2, "ioctl", self._ioctl):
+        with (
+            mock.patch.object(smbus2.smbus2, "os", system),
+            mock.patch.object(smbus2.smbus2, "ioctl", self._ioctl),
+            mock.patch.object(linux, "ioctl", self._ioctl),
+        ):
             yield self
         assert not self.open_files, "left open"
 
@@ -88,6 +95,10 @@ class I2CDev:
     def _ioctl(self, fd: int, request: int, argument: Any) -> int:
         if fd not in self.open_files:
             raise _error(errno.EBADF)
+        if request == I2C_SLAVE and not self.no_i2c:
+            if argument in self.held:
+                raise _error(errno.EBUSY)
+            return 0
         self.ioctls.append(request)
         if request == I2C_FUNCS and not self.no_i2c:
             argument.value = FUNCS

@@ -6,9 +6,7 @@ import errno as codes
 
 from quavelet.core.errors import BusBusy, BusError, BusPermission, DeviceMissing
 
-_NO_ANSWER = (
-    "no answer from {where}: check power, SDA/SCL and AD0 (low = 0x68, high = 0x69), then run `quavelet doctor`"
-)
+_NO_ANSWER = "no answer from {where}: check power, SDA, SCL and AD0 (low = 0x68, high = 0x69)"
 _BUSY = (
     "{where} is held by a kernel driver: remove the overlay that claims it "
     "(a DS1307/DS3231 clock or dtoverlay=mpu6050), or wire AD0 high and use 0x69"
@@ -37,6 +35,6 @@ def bus_error(
     """The typed error for `errno` on the bus named `bus`; `address` is None while opening."""
     where = bus if address is None else f"address 0x{address:02x} on {bus}"
     name = "no error number" if errno is None else codes.errorcode.get(errno, str(errno))
-    unknown = (BusError, f"a transfer with {{where}} failed ({name}): run `quavelet doctor`")
+    unknown = (BusError, f"a transfer with {{where}} failed ({name}): check the wiring, then look at `dmesg`")
     kind, text = unknown if errno is None else _BY_ERRNO.get(errno, unknown)
     return kind(text.format(where=where, bus=bus), errno=errno, address=address, register=register, attempts=attempts)

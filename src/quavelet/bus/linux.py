@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import re
+from fcntl import ioctl
 from types import TracebackType
 from typing import Self
 
@@ -13,6 +14,7 @@ from quavelet.bus.faults import bus_error
 from quavelet.core.clock import Clock
 from quavelet.core.errors import BusError, SettingsError
 
+I2C_SLAVE = 0x0703  # linux/i2c-dev.h
 MAX_BYTES = 8192  # of a message: the kernel refuses more (i2c-dev), and at 65536 smbus2's length begins at 0 again
 
 
@@ -25,6 +27,7 @@ class LinuxI2CBus:
 
     def __init__(self, number: int) -> None:
         self._name = f"linux:{number}"
+        self._asked: set[int] = set()
         self._smbus: SMBus | None = SMBus()
         try:
             self._smbus.open(number)
@@ -48,9 +51,13 @@ class LinuxI2CBus:
         return bytes(answer)
 
     def _transfer(self, address: int, data: bytes, *messages: i2c_msg) -> None:
-        if self._smbus is None:
+        if self._smbus is None or self._smbus.fd is None:
             raise BusError(f"the bus {self._name} is closed: open it again", errno=errno.EBADF, address=address)
         try:
+            if address not in self._asked:
+                # I2C_RDWR goes past a kernel driver that holds the address; I2C_SLAVE is refused with EBUSY.
+                ioctl(self._smbus.fd, I2C_SLAVE, address)
+                self._asked.add(address)
             self._smbus.i2c_rdwr(*messages)
         except OSError as error:
             raise bus_error(error.errno, bus=self._name, address=address, register=data[0]) from error

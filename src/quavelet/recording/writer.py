@@ -62,7 +62,7 @@ class RecordingWriter:
             # Unbuffered: on a full disk a buffered file could not be closed without trying again.
             self._file = self.path.open("wb" if overwrite else "xb", buffering=0)
         except FileExistsError as error:
-            raise RecordingError(f"{self.path} exists: give another name, or allow it to be overwritten") from error
+            raise RecordingError(f"{self.path} exists: give another name, or move it away first") from error
         except OSError as error:
             raise self._error(error) from error
         try:
