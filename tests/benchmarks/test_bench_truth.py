@@ -1,7 +1,7 @@
 """Moving attitude against measured truth, beside other people's filters in the same run (BROAD's metric).
 
 Prints the table of root mean square inclination errors; asserts only that our default is no worse than the papers'
-PID. `pytest -m benchmark -s tests/benchmarks/test_bench_truth.py`
+PID. All trials: `pytest -m slow tests/benchmarks/test_bench_truth.py`, three minutes.
 """
 
 from __future__ import annotations
@@ -64,8 +64,11 @@ def rmse_deg(q: np.ndarray, trial: dict[str, np.ndarray], after_s: float) -> flo
 
 
 @pytest.mark.benchmark
+@pytest.mark.parametrize(
+    "every", [pytest.param(5, id="every fifth trial"), pytest.param(1, id="all trials", marks=pytest.mark.slow)]
+)
 @pytest.mark.parametrize("set_name", ["broad", "openaxes"])
-def test_inclination_error_on_trials_with_measured_truth(set_name, capsys):
+def test_inclination_error_on_trials_with_measured_truth(set_name, every, capsys):
     if not TRUTH.is_dir():
         pytest.skip("the trials are absent: no folder ../shared/truth beside the project")
     filters = {
@@ -75,7 +78,7 @@ def test_inclination_error_on_trials_with_measured_truth(set_name, capsys):
     } | rivals()
     table: dict[str, list[float]] = {name: [] for name in filters}
     biased: dict[str, list[float]] = {name: [] for name in filters}
-    for file in sorted(TRUTH.glob(f"{set_name}_*.npz"))[::5]:
+    for file in sorted(TRUTH.glob(f"{set_name}_*.npz"))[::every]:
         trial = dict(np.load(file))
         gyro, accel = trial["gyr"] * trial["gyr_scale"], trial["acc"] * trial["acc_scale"]
         for name, run in filters.items():
