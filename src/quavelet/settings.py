@@ -56,7 +56,7 @@ class LoopSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
 
     rate_hz           how often the FIFO is drained and a message goes out
     priority          SCHED_FIFO priority, 0 to leave the scheduler alone
-    lock_memory, cpu_dma_latency, timer_slack, tune_gc   real-time settings to try
+    lock_memory, cpu_dma_latency, timer_slack, tune_gc, switch_interval   real-time settings to try
     """
 
     rate_hz: float = 100.0
@@ -65,6 +65,7 @@ class LoopSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     cpu_dma_latency: bool = True
     timer_slack: bool = True
     tune_gc: bool = True
+    switch_interval: bool = True
 
     def __post_init__(self) -> None:
         if not 1.0 <= self.rate_hz <= 1000.0:

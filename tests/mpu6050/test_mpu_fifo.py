@@ -14,7 +14,6 @@ from quavelet.core.blocks import Flag
 from quavelet.core.errors import DeviceLost
 from quavelet.core.units import NS_PER_MS
 from quavelet.mpu6050.drain import Verdict, judge
-from quavelet.mpu6050.source import MAX_FAILURES
 
 PERIOD_NS = 5 * NS_PER_MS
 
@@ -188,7 +187,7 @@ def test_lines_that_stay_off_are_a_lost_device_after_more_than_ten_failures():
     assert caught.value.__cause__ is not None
     assert isinstance(caught.value.__cause__, OSError) and caught.value.__cause__.errno == errno.EREMOTEIO
     failed = [transfer for transfer in rig.bus.trace if transfer.at_ns > rig.got.t_ns[-1] + 2 * PERIOD_NS]
-    assert len(failed) == MAX_FAILURES + 1
+    assert len(failed) == 11
 
 
 def test_each_good_drain_makes_up_for_one_failure():

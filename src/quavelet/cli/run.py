@@ -144,6 +144,7 @@ def _be_punctual(stack: ExitStack, loop: LoopSettings) -> None:
         cpu_dma_latency=loop.cpu_dma_latency,
         timer_slack=loop.timer_slack,
         tune_gc=loop.tune_gc,
+        switch_interval=loop.switch_interval,
     )
     realtime = stack.enter_context(apply_realtime(wanted))
     for setting in realtime.report:

@@ -271,7 +271,7 @@ class ChipSource:
         if self._failures > MAX_FAILURES:
             raise DeviceLost(
                 f"the chip at 0x{self._chip.address:02x} on {self._chip.bus.name} stopped answering "
-                f"({MAX_FAILURES} failures in a row): check power and wiring, then start again"
+                f"({MAX_FAILURES + 1} failed transfers net of good ones): check power and wiring, then start again"
             ) from error
 
     def _streaming_decoder(self) -> Decoder:
