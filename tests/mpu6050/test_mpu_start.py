@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import pairwise
 
 import pytest
-from chip_rig import ADDRESS, Rig, StubbornChip, config
+from chip_rig import ADDRESS, Rig, StubbornChip, Transfer, config
 
 from hw_fakes import FakeBus, FakeMpu6050, ScriptedBus, Write, WriteRead
 from quavelet.core.clock import VirtualClock
@@ -208,11 +208,10 @@ def test_chip_that_is_silent_during_its_reset_is_waited_for():
 
 
 class SlowChip(StubbornChip):
-    """A chip whose reset takes longer than the data sheet's 100 ms; meanwhile WHO_AM_I reads `meanwhile`."""
+    """A chip whose reset takes longer than the data sheet's 100 ms; meanwhile every register reads `meanwhile`."""
 
-    slow_until_ns = 0
     extra_ns = 300 * NS_PER_MS
-    meanwhile: int | None = 0x68
+    meanwhile: int | None = None
 
     def _store(self, register: int, value: int) -> None:
         super()._store(register, value)
@@ -220,20 +219,38 @@ class SlowChip(StubbornChip):
             self._reset_done_ns += self.extra_ns
 
     def _load(self, register: int) -> int:
-        if register == 0x75 and self._resetting and self.meanwhile is not None:
+        if self._resetting and self.meanwhile is not None:
             return self.meanwhile
         return super()._load(register)
 
 
-@pytest.mark.parametrize("who_am_i", [0x68, 0x00, 0xFF])
-def test_chip_that_is_slow_to_leave_reset_is_asked_every_10_ms(who_am_i):
+@pytest.mark.parametrize("meanwhile", [None, 0x00, 0xFF])
+def test_chip_that_is_slow_to_leave_reset_is_asked_every_10_ms(meanwhile):
     rig = Rig(chip_type=SlowChip)
-    rig.chip.meanwhile = who_am_i
+    rig.chip.meanwhile = meanwhile
     rig.start()
     asked = [t.at_ns for t in rig.bus.trace if t.register == 0x75][1:]
     waits_ms = [(b - a) / NS_PER_MS for a, b in pairwise(asked)][:20]
     assert waits_ms == pytest.approx([10] * 20, abs=1)
     assert [byte for register, byte in rig.chip.written if register == 0x6B].count(0x80) == 1
+
+
+def test_chip_that_comes_out_of_reset_awake_is_no_surprise():
+    """SLEEP after reset goes by the part's own programming."""
+    rig = Rig()
+    asked: list[bytes] = []
+
+    def awake(_k: int, transfer: Transfer, answer: bytes) -> bytes:
+        if transfer.register != 0x6B or not transfer.is_read:
+            return answer
+        asked.append(answer)
+        return b"\x00" if len(asked) == 1 else answer
+
+    rig.bus.alter = awake
+    rig.start()
+    assert asked[0] == b"\x40"
+    assert rig.health.chip_restarts == 0
+    assert len(asked) == 3  # after the reset, and writing and checking the configuration
 
 
 def test_chip_that_never_leaves_reset_is_reset_each_second_and_called_unstable_after_five():

@@ -68,7 +68,8 @@ class ChipSource:
 
     on_stream is called with the `StreamInfo` before the first drain, on_drain with every drain: what a
     recording needs. Errors: BusError while the chip is not yet known, WrongChip, ChipUnstable after five
-    resets in vain, DeviceLost when it streamed and more than ten drains net of good ones failed.
+    resets in vain, DeviceLost when it streamed and more than ten transfers net of good drains failed, or when
+    it answers and takes no sample.
     """
 
     def __init__(
@@ -230,7 +231,7 @@ class ChipSource:
 
     def _watch(self, drain: Drain) -> None:
         """A chip that was without power for a moment sleeps at its power-up values: it answers, and is empty."""
-        if drain.fifo_count or drain.failed or self._restart_due:
+        if self._streaming_decoder().verdict(drain) is not Verdict.EMPTY:
             self._fed_ns = drain.after_ns
         elif drain.after_ns - self._fed_ns > STARVED_NS:
             raise DeviceLost(
