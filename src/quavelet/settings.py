@@ -54,9 +54,18 @@ class StartSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
 class LoopSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """The fixed-step loop.
 
-    rate_hz           how often the FIFO is drained and a message goes out
-    priority          SCHED_FIFO priority, 0 to leave the scheduler alone
-    lock_memory, cpu_dma_latency, timer_slack, tune_gc, switch_interval   real-time settings to try
+    rate_hz          how often the FIFO is drained and a message goes out
+
+    The rest are real-time settings, tried and reported (see loop/realtime.py):
+
+    priority         SCHED_FIFO priority of the loop's thread, 1 to 99; 0 leaves its scheduling alone
+    lock_memory      keep the process's pages in memory (mlockall)
+    cpu_dma_latency  keep all processors out of deep idle states; costs power
+    timer_slack      let the kernel delay the thread's timers by 1 ns, not the usual 50 us
+    tune_gc          take all objects that exist now out of the garbage collector's sight, and let it look at
+                     new ones rarely. It is not switched off: whatever makes reference cycles would then leak
+                     for as long as the service runs.
+    switch_interval  make other Python threads hand over the interpreter within 0.1 ms, not the usual 5 ms
     """
 
     rate_hz: float = 100.0

@@ -8,18 +8,18 @@ import shutil
 import subprocess
 import sys
 import threading
-from dataclasses import replace
 
 import pytest
 
 from quavelet.core.clock import MonotonicClock
 from quavelet.core.units import NS_PER_MS, NS_PER_S
 from quavelet.loop.deadline import FixedStepLoop, LoopStats
-from quavelet.loop.realtime import RealtimeSettings, Setting, apply_realtime
+from quavelet.loop.realtime import Setting, apply_realtime
+from quavelet.settings import LoopSettings
 
 PERIOD_NS = 5 * NS_PER_MS
 DURATION_NS = 2 * NS_PER_S
-OFF = RealtimeSettings(
+OFF = LoopSettings(
     priority=0, lock_memory=False, cpu_dma_latency=False, timer_slack=False, tune_gc=False, switch_interval=False
 )
 
@@ -32,7 +32,7 @@ pytestmark = [
 class Run:
     """The loop on a thread of its own, so that no setting of one run is left for the next."""
 
-    def __init__(self, settings: RealtimeSettings) -> None:
+    def __init__(self, settings: LoopSettings) -> None:
         self._settings = settings
         self._clock = MonotonicClock()
         self._end_ns = self._clock.now_ns() + DURATION_NS
@@ -68,7 +68,7 @@ def cyclictest(*options: str) -> tuple[int, int] | None:
 
 
 def test_lateness_with_the_real_time_settings_off_and_on(capsys: pytest.CaptureFixture[str]) -> None:
-    off, on = Run(OFF), Run(RealtimeSettings())
+    off, on = Run(OFF), Run(LoopSettings())
     # --laptop leaves the idle states alone, as the loop without settings does.
     peers = cyclictest("--laptop", "--policy=other"), cyclictest("-p", "50")
     with capsys.disabled():
@@ -103,7 +103,7 @@ def test_deadlines_missed_beside_an_output_that_never_pauses(capsys: pytest.Capt
     for thread in busy:
         thread.start()
     try:
-        runs = {us: Run(replace(RealtimeSettings(), switch_interval=us == 100)) for us in (5_000, 100)}
+        runs = {us: Run(LoopSettings(switch_interval=us == 100)) for us in (5_000, 100)}
     finally:
         done.set()
         for thread in busy:

@@ -17,12 +17,14 @@ import pytest
 
 from quavelet.core.errors import SettingsError
 from quavelet.loop.kernel import Kernel
-from quavelet.loop.realtime import RealtimeSettings, apply_realtime
+from quavelet.loop.realtime import apply_realtime
+from quavelet.settings import LoopSettings
 
 CHILD = """
 import gc, json, os, resource, struct, sys, threading
 from pathlib import Path
-from quavelet.loop.realtime import RealtimeSettings, apply_realtime
+from quavelet.loop.realtime import apply_realtime
+from quavelet.settings import LoopSettings
 
 def now():
     status = dict(line.split(":", 1) for line in Path("/proc/self/status").read_text().splitlines())
@@ -56,7 +58,7 @@ try:
 except OSError:
     sys.exit(77)
 before = now()
-with apply_realtime(RealtimeSettings(**json.loads(sys.argv[1]))) as realtime:
+with apply_realtime(LoopSettings(**json.loads(sys.argv[1]))) as realtime:
     during = now()
 report = {s.name: [s.done, s.detail] for s in realtime.report}
 print(json.dumps({"before": before, "during": during, "after": now(), "report": report}))
@@ -184,7 +186,7 @@ class RefusingKernel(Kernel):
 @pytest.mark.parametrize("code", [errno.EPERM, errno.EACCES, errno.ENOENT, errno.ENOSYS, errno.EINVAL])
 def test_no_refusal_is_raised_whatever_its_kind(code: int) -> None:
     kernel = RefusingKernel(code)
-    with apply_realtime(RealtimeSettings(tune_gc=False, switch_interval=False), kernel=kernel) as realtime:
+    with apply_realtime(LoopSettings(tune_gc=False, switch_interval=False), kernel=kernel) as realtime:
         assert [(s.name, s.done) for s in realtime.report] == [(name, False) for name in ALL[2:]]
         assert all(os.strerror(code) in s.detail for s in realtime.report)
     # Nothing was done, so nothing may be undone.
@@ -194,9 +196,7 @@ def test_no_refusal_is_raised_whatever_its_kind(code: int) -> None:
 @linux
 def test_memory_is_not_locked_under_a_limit_that_would_fail_later_allocations() -> None:
     kernel = RefusingKernel(memory_limited=True)
-    settings = RealtimeSettings(
-        priority=0, cpu_dma_latency=False, timer_slack=False, tune_gc=False, switch_interval=False
-    )
+    settings = LoopSettings(priority=0, cpu_dma_latency=False, timer_slack=False, tune_gc=False, switch_interval=False)
     (setting,) = apply_realtime(settings, kernel=kernel).report
     assert not setting.done
     assert (
@@ -209,7 +209,7 @@ def test_memory_is_not_locked_under_a_limit_that_would_fail_later_allocations() 
 def test_what_is_switched_off_is_neither_tried_nor_reported() -> None:
     kernel = RefusingKernel()
     frozen = gc.get_freeze_count()
-    settings = RealtimeSettings(
+    settings = LoopSettings(
         priority=0, lock_memory=False, cpu_dma_latency=False, timer_slack=False, tune_gc=False, switch_interval=False
     )
     assert apply_realtime(settings, kernel=kernel).report == ()
@@ -233,7 +233,7 @@ class StickyKernel(Kernel):
         self.given.append((policy, priority))
 
 
-ONLY_PRIORITY = RealtimeSettings(
+ONLY_PRIORITY = LoopSettings(
     lock_memory=False, cpu_dma_latency=False, timer_slack=False, tune_gc=False, switch_interval=False
 )
 
@@ -259,5 +259,5 @@ def test_what_cannot_be_undone_is_logged_and_close_may_be_called_twice(caplog: p
 
 @pytest.mark.parametrize("priority", [-1, 100])
 def test_a_priority_out_of_range_is_refused(priority: int) -> None:
-    with pytest.raises(SettingsError, match="between 0"):
-        RealtimeSettings(priority=priority)
+    with pytest.raises(SettingsError, match="priority"):
+        LoopSettings(priority=priority)

@@ -23,7 +23,7 @@ from quavelet.core.units import NS_PER_MS, NS_PER_S
 from quavelet.imu import Imu
 from quavelet.loop.deadline import LoopStats
 from quavelet.loop.hub import Hub, Policy
-from quavelet.loop.realtime import RealtimeSettings, apply_realtime
+from quavelet.loop.realtime import apply_realtime
 from quavelet.mpu6050.drain import Drain
 from quavelet.mpu6050.stream import StreamInfo
 from quavelet.recording.writer import RecordingWriter
@@ -138,15 +138,7 @@ def _subscribe_output(stack: ExitStack, hub: Hub[Message], imu: Imu, *, json: bo
 
 
 def _be_punctual(stack: ExitStack, loop: LoopSettings) -> None:
-    wanted = RealtimeSettings(
-        priority=loop.priority,
-        lock_memory=loop.lock_memory,
-        cpu_dma_latency=loop.cpu_dma_latency,
-        timer_slack=loop.timer_slack,
-        tune_gc=loop.tune_gc,
-        switch_interval=loop.switch_interval,
-    )
-    realtime = stack.enter_context(apply_realtime(wanted))
+    realtime = stack.enter_context(apply_realtime(loop))
     for setting in realtime.report:
         talk(f"{setting.name}: {'done' if setting.done else 'refused'}, {setting.detail}")
 

@@ -19,8 +19,8 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Self
 
-from quavelet.core.errors import SettingsError
 from quavelet.loop.kernel import DMA_LATENCY_PATH, Kernel
+from quavelet.settings import LoopSettings
 
 _log = logging.getLogger(__name__)
 
@@ -32,34 +32,8 @@ SWITCH_INTERVAL_S = 100e-6
 
 
 @dataclass(frozen=True, slots=True)
-class RealtimeSettings:
-    """What to try.
-
-    priority         SCHED_FIFO priority of the calling thread, 1 to 99; 0 leaves its scheduling alone
-    lock_memory      keep the process's pages in memory (mlockall)
-    cpu_dma_latency  keep all processors out of deep idle states; costs power
-    timer_slack      let the kernel delay the thread's timers by 1 ns, not the usual 50 us
-    tune_gc          take all objects that exist now out of the garbage collector's sight, and let it look at
-                     new ones rarely. It is not switched off: whatever makes reference cycles (exceptions,
-                     the web page) would then leak for as long as the service runs.
-    switch_interval  make other Python threads hand over the interpreter within 0.1 ms, not the usual 5 ms
-    """
-
-    priority: int = 50
-    lock_memory: bool = True
-    cpu_dma_latency: bool = True
-    timer_slack: bool = True
-    tune_gc: bool = True
-    switch_interval: bool = True
-
-    def __post_init__(self) -> None:
-        if not 0 <= self.priority <= 99:
-            raise SettingsError(f"priority must lie between 0 (off) and 99, not at {self.priority}")
-
-
-@dataclass(frozen=True, slots=True)
 class Setting:
-    """What became of one setting: `name` as in RealtimeSettings, whether it is `done`, and how or why not."""
+    """What became of one setting: `name` as in LoopSettings, whether it is `done`, and how or why not."""
 
     name: str
     done: bool
@@ -85,7 +59,7 @@ class Realtime:
         self.close()
 
 
-def apply_realtime(settings: RealtimeSettings, *, kernel: Kernel | None = None) -> Realtime:
+def apply_realtime(settings: LoopSettings, *, kernel: Kernel | None = None) -> Realtime:
     """Try each setting for the calling thread or its process, and report what became of it.
 
     A setting that is refused is reported, never raised. Call it on the thread that will run the loop;
@@ -125,7 +99,7 @@ _LOCK_HELP = "needs LimitMEMLOCK=infinity in the unit or CAP_IPC_LOCK"
 _DMA_HELP = f"needs write permission on {DMA_LATENCY_PATH}: a udev rule, and DeviceAllow in the unit"
 
 
-def _priority_help(settings: RealtimeSettings) -> str:
+def _priority_help(settings: LoopSettings) -> str:
     return f"needs LimitRTPRIO={settings.priority} in the unit or CAP_SYS_NICE"
 
 
