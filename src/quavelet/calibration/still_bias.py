@@ -93,7 +93,7 @@ class StillBias:
         longer = None if gap else extended(s.run, sample, dt_s, half_s=self._window_s / 2, limits=self._limits)
         if longer is None:
             return replace(s, run=started(sample), still_s=0.0)
-        s = replace(s, run=longer, still_s=s.still_s + dt_s)
+        s = StillBiasState(longer, s.still_s + dt_s, s.bias_rad_s, s.windows)
         if longer.elapsed_s < self._window_s:
             return s
         if not is_steady(longer, limits=self._limits):
