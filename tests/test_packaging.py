@@ -1,0 +1,40 @@
+"""What the wheel holds: a package forgotten in pyproject.toml is missed only by those who install it."""
+
+from __future__ import annotations
+
+import tomllib
+from importlib.metadata import entry_points
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+
+
+def packages_below(folder: Path, name: str) -> set[str]:
+    return {
+        ".".join((name, *init.parent.relative_to(folder).parts)) for init in folder.rglob("__init__.py")
+    }  # fmt: skip
+
+
+def test_every_package_of_the_tree_is_in_the_wheel():
+    found = packages_below(ROOT / "src" / "quavelet", "quavelet") | packages_below(ROOT / "hw_fakes", "hw_fakes")
+    assert set(PROJECT["tool"]["setuptools"]["packages"]) == found
+
+
+def test_both_packages_tell_type_checkers_that_they_are_typed():
+    assert set(PROJECT["tool"]["setuptools"]["package-data"]) == {"quavelet", "hw_fakes"}
+    assert (ROOT / "src" / "quavelet" / "py.typed").exists()
+    assert (ROOT / "hw_fakes" / "py.typed").exists()
+
+
+def test_the_installed_buses_are_those_of_the_project():
+    installed = {point.name: point.value for point in entry_points(group="quavelet.buses")}
+    declared = PROJECT["project"]["entry-points"]["quavelet.buses"]
+    assert {name: installed.get(name) for name in declared} == declared
+
+
+def test_every_room_stands_in_the_linters_floors():
+    (floors,) = [c for c in PROJECT["tool"]["importlinter"]["contracts"] if c["type"] == "layers"]
+    named = {name.strip() for layer in floors["layers"] for name in layer.split("|")}
+    rooms = {path.stem for path in (ROOT / "src" / "quavelet").iterdir() if path.suffix == ".py" or path.is_dir()}
+    assert named == rooms - {"__init__", "__pycache__"}
