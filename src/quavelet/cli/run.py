@@ -158,8 +158,8 @@ def outcome(messages: Hub[Message]) -> int:
     failure = messages.failures().get("stdout")
     if failure is None:
         return exits.OK
+    exits.forget_stdout()
     if isinstance(failure, BrokenPipeError):
-        exits.forget_stdout()
         return exits.OK
     talk(f"standard output failed: {failure}")
     return exits.FAILED
