@@ -179,18 +179,27 @@ def test_lines_that_come_off_and_on_are_a_gap():
     assert_gap(rig, Flag.BUS_ERROR)
 
 
-def test_lines_that_stay_off_are_a_lost_device_after_more_than_ten_failures():
+def test_lines_disturbed_for_a_second_and_a_half_are_a_gap_and_not_a_lost_device():
+    """A motor that starts: with most libraries it is errno 121 and the end of the program."""
     rig = running()
     rig.chip.unplug()
-    with pytest.raises(DeviceLost, match=r"0x68.*fake:rig") as caught:
-        rig.run(1.0)
-    assert caught.value.__cause__ is not None
+    rig.run(1.5)
+    rig.chip.plug()
+    rig.run(0.5)
+    assert_gap(rig, Flag.BUS_ERROR)
+
+
+def test_lines_that_stay_off_are_a_lost_device_after_two_seconds():
+    rig = running()
+    rig.chip.unplug()
+    begin_ns = rig.clock.now_ns()
+    with pytest.raises(DeviceLost, match=r"0x68.*fake:rig.*not answered for 2 s") as caught:
+        rig.run(3.0)
     assert isinstance(caught.value.__cause__, OSError) and caught.value.__cause__.errno == errno.EREMOTEIO
-    failed = [transfer for transfer in rig.bus.trace if transfer.at_ns > rig.got.t_ns[-1] + 2 * PERIOD_NS]
-    assert len(failed) == 11
+    assert rig.clock.now_ns() - begin_ns < 2_100 * NS_PER_MS
 
 
-def test_each_good_drain_makes_up_for_one_failure():
+def test_one_good_drain_in_two_keeps_the_chip():
     rig = running()
     rig.bus.spoil = lambda _k, transfer: transfer.register == 0x72 and len(rig.blocks) % 2 == 0
     rig.run(3.0)

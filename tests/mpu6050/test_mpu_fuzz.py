@@ -47,7 +47,8 @@ class Storm:
             self.plug_at_ns = None
         if self.plug_at_ns is None and self.happens("unplugged"):
             self.rig.chip.unplug()
-            self.plug_at_ns = now_ns + int(self.rng.uniform(0, 100 * NS_PER_MS))
+            for_ms = 3000.0 if self.rng.random() < 0.05 else self.rng.uniform(0, 100)
+            self.plug_at_ns = now_ns + int(for_ms * NS_PER_MS)
 
 
 @pytest.mark.parametrize("seed", [1, 2, None])

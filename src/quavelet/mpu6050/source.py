@@ -42,9 +42,8 @@ GIVE_UP_NS = NS_PER_S
 """After this long in one try the chip is reset again."""
 MAX_TRIES = 5
 """Resets before the chip is called unstable."""
-MAX_FAILURES = 10
-"""Net failed drains (one off for each good one) after which the chip is called lost."""
-
+LOST_NS = 2 * NS_PER_S
+"""Without one good drain for this long the chip is called lost: a motor that starts disturbs the wires for less."""
 STARVED_NS = NS_PER_S
 """An empty FIFO for this long is a chip that does not sample; at its slowest it takes a sample in 256 ms."""
 
@@ -68,8 +67,8 @@ class ChipSource:
 
     on_stream is called with the `StreamInfo` before the first drain, on_drain with every drain: what a
     recording needs. Errors: BusError while the chip is not yet known, WrongChip, ChipUnstable after five
-    resets in vain, DeviceLost when it streamed and more than ten transfers net of good drains failed, or when
-    it answers and takes no sample.
+    resets in vain, DeviceLost when it streamed and then did not answer for two seconds, or answers and
+    takes no sample.
     """
 
     def __init__(
@@ -103,7 +102,7 @@ class ChipSource:
         self._variant = MPU6050
         self._try_since_ns = 0
         self._tries = 0
-        self._failures = 0
+        self._failing_since_ns: int | None = None
         self._seq = 0
         self._fed_ns = 0
         self._restart_due = False
@@ -262,17 +261,18 @@ class ChipSource:
         except BusError as error:
             self._fail(error)
             return Drain(seq, before, after, 0, 0, b"", failed=True)
-        self._failures = max(0, self._failures - 1)
+        self._failing_since_ns = None
         return drain
 
     def _fail(self, error: BusError) -> None:
-        self._failures += 1
-        if self._failures == 1:
-            log.warning("%s", error)
-        if self._failures > MAX_FAILURES:
+        now_ns = self._clock.now_ns()
+        if self._failing_since_ns is None:
+            log.warning("%s", error)  # once an outage
+            self._failing_since_ns = now_ns
+        if now_ns - self._failing_since_ns > LOST_NS:
             raise DeviceLost(
-                f"the chip at 0x{self._chip.address:02x} on {self._chip.bus.name} stopped answering "
-                f"({MAX_FAILURES + 1} failed transfers net of good ones): check power and wiring, then start again"
+                f"the chip at 0x{self._chip.address:02x} on {self._chip.bus.name} has not answered for "
+                f"{LOST_NS / NS_PER_S:g} s: check power and wiring, then start again"
             ) from error
 
     def _streaming_decoder(self) -> Decoder:
