@@ -39,8 +39,8 @@ from quavelet.core.blocks import AttitudeBlock, Flag, ImuBlock
 from quavelet.core.errors import SettingsError
 from quavelet.core.units import NS_PER_S
 
-LONG_GAP_S = 1.0
-"""A longer gap is not to be bridged: nobody knows what the board did."""
+LONG_GAP_S = 0.25
+"""After a longer gap nobody knows what the board did in it: gravity has to say."""
 
 
 class PidParams(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
