@@ -1,71 +1,15 @@
-"""What the board truly does: attitude, angular rate and specific force as functions of time.
-
-Time is seconds since the fake world began; the world is ENU (z up), the quaternion turns body to world (Hamilton,
-scalar first), and the accelerometer of a level board at rest would read (0, 0, +g). There is no linear acceleration.
-"""
+"""Motions about one place: the sensor turns and does not travel."""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-from quavelet.core.units import RAD_PER_DEG, STANDARD_GRAVITY_M_S2
+from hw_fakes.motion_base import Body, EulerMotion, FloatArray, Motion, smooth_step, smooth_step_area
+from quavelet.core.units import RAD_PER_DEG
 
-FloatArray = NDArray[np.float64]
-
-
-class Motion(Protocol):
-    """The truth of a scenario; every function takes times (N,) in s."""
-
-    def rate_rad_s(self, t_s: FloatArray) -> FloatArray:
-        """Angular rate (N, 3) of the body against the world, in body axes."""
-        ...
-
-    def specific_force_m_s2(self, t_s: FloatArray) -> FloatArray:
-        """Specific force (N, 3) in body axes."""
-        ...
-
-    def attitude(self, t_s: FloatArray) -> FloatArray:
-        """Unit quaternions (N, 4), body to world."""
-        ...
-
-
-class EulerMotion(ABC):
-    """A motion given by roll, pitch, yaw (about x, then y, then z of the world: C = Rz Ry Rx) and their rates."""
-
-    @abstractmethod
-    def euler_rad(self, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Roll, pitch, yaw (N, 3) in rad and their derivatives (N, 3) in rad/s."""
-
-    def rate_rad_s(self, t_s: FloatArray) -> FloatArray:
-        angles, rates = self.euler_rad(t_s)
-        (sr, sp), (cr, cp) = np.sin(angles[:, :2]).T, np.cos(angles[:, :2]).T
-        roll_rate, pitch_rate, yaw_rate = rates.T
-        return np.stack(
-            [roll_rate - yaw_rate * sp, pitch_rate * cr + yaw_rate * sr * cp, -pitch_rate * sr + yaw_rate * cr * cp], 1
-        )
-
-    def specific_force_m_s2(self, t_s: FloatArray) -> FloatArray:
-        angles, _ = self.euler_rad(t_s)
-        (sr, sp), (cr, cp) = np.sin(angles[:, :2]).T, np.cos(angles[:, :2]).T
-        return STANDARD_GRAVITY_M_S2 * np.stack([-sp, sr * cp, cr * cp], 1)
-
-    def attitude(self, t_s: FloatArray) -> FloatArray:
-        angles, _ = self.euler_rad(t_s)
-        (sr, sp, sy), (cr, cp, cy) = np.sin(angles / 2).T, np.cos(angles / 2).T
-        return np.stack(
-            [
-                cr * cp * cy + sr * sp * sy,
-                sr * cp * cy - cr * sp * sy,
-                cr * sp * cy + sr * cp * sy,
-                cr * cp * sy - sr * sp * cy,
-            ],
-            1,
-        )
+__all__ = ["Motion", "Still", "Sway", "Tilt", "Turntable"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,7 +77,7 @@ class Sway(EulerMotion):
 
 
 @dataclass(frozen=True, slots=True)
-class Turntable:
+class Turntable(Body):
     """A turntable that stands still until `start_s`, then turns by `turn_deg` and stands still again.
 
     The board lies flat on it; its axis leans by `axis_tilt_deg` from the vertical, about world x. The rate goes up
@@ -163,7 +107,7 @@ class Turntable:
         rate = np.copysign(self.rate_deg_s, self.turn_deg) * RAD_PER_DEG
         up = (t_s - self.start_s) / self.ramp_s
         down = (t_s - self.stop_s) / self.ramp_s + 1.0
-        angle = rate * self.ramp_s * (_step_integral(up) - _step_integral(down))
+        angle = rate * self.ramp_s * (smooth_step_area(up) - smooth_step_area(down))
         return angle, rate * (smooth_step(up)[0] - smooth_step(down)[0])
 
     def rate_rad_s(self, t_s: FloatArray) -> FloatArray:
@@ -171,25 +115,7 @@ class Turntable:
         rates[:, 2] = self.angle_rad(t_s)[1]
         return rates
 
-    def specific_force_m_s2(self, t_s: FloatArray) -> FloatArray:
-        angle, _ = self.angle_rad(t_s)
-        lean = self.axis_tilt_deg * RAD_PER_DEG
-        up = [np.sin(lean) * np.sin(angle), np.sin(lean) * np.cos(angle), np.full(len(t_s), np.cos(lean))]
-        return STANDARD_GRAVITY_M_S2 * np.stack(up, 1)
-
     def attitude(self, t_s: FloatArray) -> FloatArray:
         half, lean = self.angle_rad(t_s)[0] / 2, self.axis_tilt_deg * RAD_PER_DEG / 2
         cos, sin = np.cos(half), np.sin(half)
         return np.stack([np.cos(lean) * cos, np.sin(lean) * cos, -np.sin(lean) * sin, np.cos(lean) * sin], 1)
-
-
-def smooth_step(u: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """A step from 0 (u <= 0) to 1 (u >= 1) with continuous second derivative, and its derivative."""
-    u = np.clip(u, 0.0, 1.0)
-    return u**3 * (10 - 15 * u + 6 * u**2), 30 * u**2 * (1 - u) ** 2
-
-
-def _step_integral(u: FloatArray) -> FloatArray:
-    inside = np.clip(u, 0.0, 1.0)
-    area: FloatArray = inside**4 * (2.5 - 3 * inside + inside**2) + np.maximum(u - 1.0, 0.0)
-    return area
