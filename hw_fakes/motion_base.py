@@ -7,14 +7,35 @@ scalar first), and the accelerometer of a level board at rest would read (0, 0, 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from quavelet.core.units import STANDARD_GRAVITY_M_S2
+from quavelet.core.units import RAD_PER_DEG, STANDARD_GRAVITY_M_S2
 
 FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EarthField:
+    """The Earth's magnetic field where the board is; the defaults are those of Central Europe.
+
+    strength_ut      whole field
+    inclination_deg  downward from the horizontal
+    declination_deg  of its horizontal part, eastward from north
+    """
+
+    strength_ut: float = 49.0
+    inclination_deg: float = 66.0
+    declination_deg: float = 4.0
+
+    @property
+    def world_ut(self) -> FloatArray:
+        """The field (3,) in world axes: east, north, up."""
+        dip, east = self.inclination_deg * RAD_PER_DEG, self.declination_deg * RAD_PER_DEG
+        return self.strength_ut * np.array([np.cos(dip) * np.sin(east), np.cos(dip) * np.cos(east), -np.sin(dip)])
 
 
 class Motion(Protocol):
@@ -32,9 +53,16 @@ class Motion(Protocol):
         """Unit quaternions (N, 4), body to world."""
         ...
 
+    def magnetic_field_ut(self, t_s: FloatArray) -> FloatArray:
+        """Magnetic field (N, 3) in body axes."""
+        ...
 
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Body(ABC):
-    """A motion whose specific force follows from its attitude and the acceleration of its place."""
+    """A motion whose specific force and magnetic field follow from its attitude and its place's acceleration."""
+
+    earth_field: EarthField = EarthField()
 
     @abstractmethod
     def attitude(self, t_s: FloatArray) -> FloatArray:
@@ -55,6 +83,9 @@ class Body(ABC):
     def specific_force_m_s2(self, t_s: FloatArray) -> FloatArray:
         up = np.array([0.0, 0.0, STANDARD_GRAVITY_M_S2])
         return to_body(self.attitude(t_s), self.acceleration_m_s2(t_s) + up)
+
+    def magnetic_field_ut(self, t_s: FloatArray) -> FloatArray:
+        return to_body(self.attitude(t_s), np.broadcast_to(self.earth_field.world_ut, (len(t_s), 3)))
 
 
 class EulerMotion(Body):

@@ -8,6 +8,7 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from hw_fakes.motion import Still, Sway, Tilt, Turntable
+from hw_fakes.motion_base import EarthField
 from hw_fakes.motion_bench import Coning, SixFaces
 from hw_fakes.motion_carried import Drone, Vibration, Walk
 from quavelet.core.units import STANDARD_GRAVITY_M_S2
@@ -84,6 +85,28 @@ def test_specific_force_is_that_of_the_place_in_motion(motion):
     felt = scipy_rotation(motion.attitude(t_s)).apply(motion.specific_force_m_s2(t_s))
     assert np.allclose(felt, acceleration + [0, 0, STANDARD_GRAVITY_M_S2], atol=1e-3)
     assert np.ptp(felt[:, 2]) > 1
+
+
+@pytest.mark.parametrize("motion", (MOTIONS | TRAVELLING).values(), ids=MOTIONS | TRAVELLING)
+def test_magnetic_field_is_the_worlds_seen_from_the_body(motion):
+    t_s = np.linspace(-1, 60, 500)
+    world = scipy_rotation(motion.attitude(t_s)).apply(motion.magnetic_field_ut(t_s))
+    assert np.allclose(world, motion.earth_field.world_ut, atol=1e-9)
+
+
+def test_field_dips_down_north_of_the_equator_and_goes_east_with_the_declination():
+    field = EarthField(strength_ut=50, inclination_deg=60, declination_deg=0)
+    assert field.world_ut == pytest.approx([0, 25, -50 * 0.75**0.5])
+    east, north, up = EarthField(strength_ut=50, inclination_deg=-60, declination_deg=30).world_ut
+    assert np.degrees(np.arctan2(east, north)) == pytest.approx(30)
+    assert np.hypot(east, north) == pytest.approx(25)
+    assert up == pytest.approx(50 * 0.75**0.5)
+
+
+def test_compass_of_a_turned_board_shows_where_north_went():
+    # A board turned by 90 deg to the left, its x axis now north, finds the field's horizontal part along x.
+    still = Still(yaw_deg=90, earth_field=EarthField(inclination_deg=0, declination_deg=0, strength_ut=40))
+    assert still.magnetic_field_ut(np.zeros(1))[0] == pytest.approx([40, 0, 0])
 
 
 @pytest.mark.parametrize("motion", [Walk(), Drone()], ids=["walk", "drone"])
