@@ -7,6 +7,7 @@ import struct
 from hw_fakes import registers as reg
 from hw_fakes.fifo import SIZE, Fifo
 from hw_fakes.imperfections import TYPICAL, Imperfections
+from hw_fakes.interrupt import Edge, IntPin
 from hw_fakes.motion import Motion, Still
 from hw_fakes.prefetch import NO_DATA, Prefetch
 from hw_fakes.samples import Run, SampleSource
@@ -97,6 +98,7 @@ class FakeMpu6050:
         self._pointer = 0
         self._power_up()
         self._setup = decode(self.registers)
+        self._pin = IntPin()
         self._prefetch = Prefetch(self.source)
         self._shadow: bytes | None = NO_DATA  # None: the newest sample, not looked at yet
 
@@ -129,7 +131,7 @@ class FakeMpu6050:
                 answer.append(self._load(self._pointer))
                 self._step()
         if self.registers[reg.INT_PIN_CFG] & reg.INT_RD_CLEAR:
-            self.registers[reg.INT_STATUS] = 0
+            self._clear_status()
         return bytes(answer)
 
     def stop(self) -> None:
@@ -152,6 +154,16 @@ class FakeMpu6050:
         self._refresh()
         self._pointer, self._shadow = 0, NO_DATA
 
+    def int_level(self) -> bool:
+        """Whether the INT pin is high now. Within a transaction: as it was when that began, or was cleared by it."""
+        self._look()
+        return self._pin.high(self.clock.now_ns())
+
+    def int_edges(self, since_ns: int) -> list[Edge]:
+        """The changes of the INT pin from `since_ns` to now, oldest first; very old ones are forgotten."""
+        self._look()
+        return self._pin.edges(since_ns, self.clock.now_ns())
+
     def true_rate_hz(self) -> float:
         """Samples a second of true time; 0 while the chip does not sample."""
         self._refresh()
@@ -167,11 +179,15 @@ class FakeMpu6050:
         if not self._plugged:
             raise Nack
         if not self._in_transaction:
+            self._look()
             self._in_transaction = True
-            self._advance()
-            self._refresh()
         if self._resetting and self.nack_in_reset:
             raise Nack
+
+    def _look(self) -> None:
+        if not self._in_transaction:
+            self._advance()
+            self._refresh()
 
     @property
     def _resetting(self) -> bool:
@@ -190,7 +206,8 @@ class FakeMpu6050:
         self._past_end = limit is not None and due > limit
         if limit is not None:
             due = min(due, limit)
-        new = due - self._taken
+        first = self._taken
+        new = due - first
         if new <= 0:
             return
         self._taken = due
@@ -198,14 +215,17 @@ class FakeMpu6050:
         self._shadow = None
         # Both bits are set whether or not INT_ENABLE lets them out to the pin.
         self.registers[reg.INT_STATUS] |= reg.DATA_RDY_INT
-        words = self._setup.fifo_words
-        if words:
+        frame, overflow = 2 * len(self._setup.fifo_words), due
+        if frame:
+            overflow = first + (SIZE - len(self.fifo)) // frame
             # Of more samples than the FIFO holds only the newest can be seen, but one more, so that it overflows.
-            seen = min(new, SIZE // (2 * len(words)) + 1)
+            seen = min(new, SIZE // frame + 1)
             self._push(self._prefetch.frames(run, self._setup, due - seen, due))
+        self._pin.sampled(run, first, due, overflow)
 
     def _refresh(self) -> None:
         """Follow the configuration registers."""
+        self._pin.follow(self.registers, self.clock.now_ns())
         setup = decode(self.registers)
         if setup == self._setup:
             return
@@ -259,8 +279,12 @@ class FakeMpu6050:
             self.registers[reg.FIFO_COUNTH : reg.FIFO_COUNTL + 1] = len(self.fifo).to_bytes(2, "big")
         value = self.registers[register]
         if register == reg.INT_STATUS:
-            self.registers[reg.INT_STATUS] = 0
+            self._clear_status()
         return value
+
+    def _clear_status(self) -> None:
+        self.registers[reg.INT_STATUS] = 0
+        self._pin.follow(self.registers, self.clock.now_ns())
 
     def _pop(self, n: int) -> bytes:
         # A FIFO that is switched off cannot be read (RM register 106).
@@ -268,9 +292,11 @@ class FakeMpu6050:
             return self.fifo.pop(n)
         return bytes([self.fifo.last_read]) * n
 
-    def _push(self, data: bytes) -> None:
-        if self.fifo.push(data):
+    def _push(self, data: bytes) -> bool:
+        overflow = self.fifo.push(data)
+        if overflow:
             self.registers[reg.INT_STATUS] |= reg.FIFO_OFLOW_INT
+        return overflow
 
     def _store(self, register: int, value: int) -> None:
         self.written.append((register, value))
@@ -283,8 +309,8 @@ class FakeMpu6050:
             self._reset_done_ns = self.clock.now_ns() + RESET_NS
             return
         if register == reg.FIFO_R_W:
-            if self.registers[reg.USER_CTRL] & reg.USER_FIFO_EN:
-                self._push(bytes([value]))
+            if self.registers[reg.USER_CTRL] & reg.USER_FIFO_EN and self._push(bytes([value])):
+                self._pin.overflowed(self.clock.now_ns())
             return
         if register == reg.USER_CTRL:
             # FIFO_RESET acts only while FIFO_EN is 0, in the same byte too (RM register 106).
