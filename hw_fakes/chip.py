@@ -260,9 +260,7 @@ class FakeMpu6050:
     # Registers
 
     def _power_up(self) -> None:
-        self.registers[:] = bytes(reg.COUNT)
-        for register, value in reg.POWER_UP.items():
-            self.registers[register] = value
+        self.registers[:] = reg.POWER_UP
         struct.pack_into(">3h", self.registers, reg.ACCEL_OFFSETS, *self.accel_trim)
         self.registers[reg.SELF_TEST_X : reg.SELF_TEST_X + 4] = bytes(self.self_test_codes)
         self.fifo.clear()
@@ -301,7 +299,7 @@ class FakeMpu6050:
     def _store(self, register: int, value: int) -> None:
         self.written.append((register, value))
         asleep = self.registers[reg.PWR_MGMT_1] & reg.SLEEP
-        if self._resetting or register in reg.READ_ONLY or (asleep and register not in reg.WRITABLE_ASLEEP):
+        if self._resetting or reg.REGISTERS[register].access == "r" or (asleep and register not in reg.WRITABLE_ASLEEP):
             return
         if register == reg.PWR_MGMT_1 and value & reg.DEVICE_RESET:
             self._power_up()
@@ -318,7 +316,7 @@ class FakeMpu6050:
                 self.fifo.clear()
             if value & reg.USER_SIG_COND_RESET:
                 self._shadow = NO_DATA
-        self.registers[register] = value & reg.STICKS.get(register, 0xFF)
+        self.registers[register] = value & reg.REGISTERS[register].sticks
 
     def _newest(self) -> bytes:
         """The 14 sensor bytes of the newest sample."""

@@ -5,7 +5,9 @@ Written from the register map RM-MPU-6000A-00 rev 4.2 ("RM"), not from the drive
 
 from __future__ import annotations
 
-XG_OFFS_TC = 0x00
+from collections.abc import Iterator
+from dataclasses import dataclass
+
 ACCEL_OFFSETS = 0x06  # to 0x0B: X, Y, Z, high byte first; not in the RM, but in the silicon
 SELF_TEST_X = 0x0D  # to 0x10 (RM registers 13 to 16)
 GYRO_OFFSETS = 0x13  # to 0x18: X, Y, Z, high byte first; not in the RM
@@ -14,15 +16,11 @@ CONFIG = 0x1A
 GYRO_CONFIG = 0x1B
 ACCEL_CONFIG = 0x1C
 FIFO_EN = 0x23
-I2C_SLV4_DI = 0x35
-I2C_MST_STATUS = 0x36
 INT_PIN_CFG = 0x37
 INT_ENABLE = 0x38
 INT_STATUS = 0x3A
 ACCEL_XOUT_H = 0x3B
 GYRO_ZOUT_L = 0x48
-EXT_SENS_DATA_23 = 0x60
-MOT_DETECT_STATUS = 0x61
 SIGNAL_PATH_RESET = 0x68
 USER_CTRL = 0x6A
 PWR_MGMT_1 = 0x6B
@@ -30,7 +28,6 @@ PWR_MGMT_2 = 0x6C
 FIFO_COUNTH = 0x72
 FIFO_COUNTL = 0x73
 FIFO_R_W = 0x74
-WHO_AM_I = 0x75
 COUNT = 0x80
 
 # INT_PIN_CFG
@@ -44,7 +41,6 @@ FIFO_OFLOW_INT = 0x10
 
 # USER_CTRL
 USER_FIFO_EN = 0x40
-USER_I2C_MST_EN = 0x20
 USER_FIFO_RESET = 0x04
 USER_SIG_COND_RESET = 0x01
 
@@ -54,29 +50,79 @@ SLEEP = 0x40
 TEMP_DIS = 0x08
 CLKSEL = 0x07
 
-# RM 3: all registers reset to 0 except these two. Bit 0 of 0x00 is OTP_BNK_VLD, set on every real part;
-# a Linux 6.1 kernel driver reads that register as an interrupt status and drops all data where it is 0.
-POWER_UP = {XG_OFFS_TC: 0x01, PWR_MGMT_1: SLEEP, WHO_AM_I: 0x68}
-
 # The factory's own: offset trim of one plausible part (bit 0 of the three low bytes reads revision 2, the
 # full-scale silicon) and the self-test codes of a real part (XA 10, YA 9, ZA 21, XG 17, YG 15, ZG 24).
 ACCEL_TRIM = (-2100, 801, 1200)
 SELF_TEST_CODES = (0x51, 0x4F, 0xB8, 0xA5)
 
-# What sticks of a written byte, where not all of it does: reserved bits stay 0, reset bits clear themselves.
-STICKS = {
-    CONFIG: 0x3F,
-    GYRO_CONFIG: 0xF8,
-    INT_PIN_CFG: 0xFE,
-    INT_ENABLE: 0xF9,
-    USER_CTRL: 0xE0,
-    PWR_MGMT_1: 0x6F,
-    SIGNAL_PATH_RESET: 0x00,
-}
 
-READ_ONLY = frozenset(
-    [I2C_SLV4_DI, I2C_MST_STATUS, FIFO_COUNTH, FIFO_COUNTL, WHO_AM_I, *range(INT_STATUS, MOT_DETECT_STATUS + 1)]
+@dataclass(frozen=True, slots=True)
+class Register:
+    """One register.
+
+    reset     its value after power-up; the factory's own values in a chip may stand in its place
+    access    "rw", "r", or "w": written for its effect, never stored
+    sticks    the bits of a written byte that are kept: reserved bits stay 0, reset bits clear themselves
+    modelled  False: it is a byte of memory, or stays at its reset value, and has no effect
+    """
+
+    address: int
+    name: str
+    reset: int = 0
+    access: str = "rw"
+    sticks: int = 0xFF
+    modelled: bool = True
+
+
+def _rows() -> Iterator[Register]:
+    for first, last, name, reset, access, sticks, modelled in _RANGES:
+        for address in range(first, last + 1):
+            yield Register(address, name, reset, access, sticks if access == "rw" else 0, modelled)
+
+
+# First and last address, name, reset value, access, what sticks, modelled. RM 3: all registers reset to 0 except
+# PWR_MGMT_1 and WHO_AM_I. Bit 0 of 0x00 is OTP_BNK_VLD, set on every real part; a Linux 6.1 kernel driver reads
+# that register as an interrupt status and drops all data where it is 0. Names without a place in RM rev 4.2 are
+# those of its earlier revisions, or "reserved".
+_RANGES = (
+    (0x00, 0x00, "XG_OFFS_TC", 0x01, "rw", 0xFF, False),
+    (0x01, 0x02, "YG_OFFS_TC, ZG_OFFS_TC", 0, "rw", 0xFF, False),
+    (0x03, 0x05, "X_FINE_GAIN to Z_FINE_GAIN", 0, "rw", 0xFF, False),
+    (0x06, 0x0B, "XA_OFFS_H to ZA_OFFS_L", 0, "rw", 0xFF, True),
+    (0x0C, 0x0C, "PRODUCT_ID", 0, "rw", 0xFF, False),
+    (0x0D, 0x10, "SELF_TEST_X to SELF_TEST_A", 0, "rw", 0xFF, True),
+    (0x11, 0x12, "reserved", 0, "rw", 0xFF, False),
+    (0x13, 0x18, "XG_OFFS_USRH to ZG_OFFS_USRL", 0, "rw", 0xFF, True),
+    (0x19, 0x19, "SMPLRT_DIV", 0, "rw", 0xFF, True),
+    (0x1A, 0x1A, "CONFIG", 0, "rw", 0x3F, True),
+    (0x1B, 0x1B, "GYRO_CONFIG", 0, "rw", 0xF8, True),
+    (0x1C, 0x1C, "ACCEL_CONFIG", 0, "rw", 0xFF, True),
+    (0x1D, 0x22, "FF_THR to ZRMOT_DUR", 0, "rw", 0xFF, False),
+    (0x23, 0x23, "FIFO_EN", 0, "rw", 0xFF, True),
+    (0x24, 0x34, "I2C_MST_CTRL to I2C_SLV4_CTRL", 0, "rw", 0xFF, False),
+    (0x35, 0x36, "I2C_SLV4_DI, I2C_MST_STATUS", 0, "r", 0, False),
+    (0x37, 0x37, "INT_PIN_CFG", 0, "rw", 0xFE, True),
+    (0x38, 0x38, "INT_ENABLE", 0, "rw", 0xF9, True),
+    (0x39, 0x39, "DMP_INT_STATUS", 0, "r", 0, False),
+    (0x3A, 0x3A, "INT_STATUS", 0, "r", 0, True),
+    (0x3B, 0x48, "ACCEL_XOUT_H to GYRO_ZOUT_L", 0, "r", 0, True),
+    (0x49, 0x61, "EXT_SENS_DATA_00 to _23, MOT_DETECT_STATUS", 0, "r", 0, False),
+    (0x62, 0x66, "reserved, I2C_SLV0_DO to I2C_SLV3_DO", 0, "rw", 0xFF, False),
+    (0x67, 0x67, "I2C_MST_DELAY_CTRL", 0, "rw", 0xFF, False),
+    (0x68, 0x68, "SIGNAL_PATH_RESET", 0, "w", 0, True),
+    (0x69, 0x69, "MOT_DETECT_CTRL", 0, "rw", 0xFF, False),
+    (0x6A, 0x6A, "USER_CTRL", 0, "rw", 0xE0, True),
+    (0x6B, 0x6B, "PWR_MGMT_1", SLEEP, "rw", 0x6F, True),
+    (0x6C, 0x6C, "PWR_MGMT_2", 0, "rw", 0xFF, True),
+    (0x6D, 0x71, "BANK_SEL, MEM_START_ADDR, MEM_R_W, DMP_CFG_1, DMP_CFG_2", 0, "rw", 0xFF, False),
+    (0x72, 0x73, "FIFO_COUNTH, FIFO_COUNTL", 0, "r", 0, True),
+    (0x74, 0x74, "FIFO_R_W", 0, "w", 0, True),
+    (0x75, 0x75, "WHO_AM_I", 0x68, "r", 0, True),
+    (0x76, 0x7F, "reserved", 0, "rw", 0xFF, False),
 )
+
+REGISTERS = tuple(_rows())
+POWER_UP = bytes(register.reset for register in REGISTERS)
 
 # Users see configuration written to a sleeping chip get lost; only power and the reset bits work then.
 WRITABLE_ASLEEP = frozenset([SIGNAL_PATH_RESET, USER_CTRL, PWR_MGMT_1, PWR_MGMT_2])
