@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import errno
+from pathlib import Path
 
 import pytest
 
+import hw_fakes
 from hw_fakes import PERFECT, FakeMpu6050, Nack
 from hw_fakes.i2c_adapter import READ, Adapter, Size, union_length
 from hw_fakes.i2c_dev import I2C_FUNCS, I2C_PEC, I2C_SLAVE, I2C_TIMEOUT, OpenDevice
@@ -148,3 +150,9 @@ def test_more_messages_or_bytes_than_the_kernel_takes_go_through() -> None:
         with pytest.raises(OSError) as refused:
             device.transfer(messages)
         assert refused.value.errno == errno.EINVAL
+
+
+def test_the_pages_example_under_smbus2_fails() -> None:
+    page = Path(hw_fakes.__file__).with_name("README.md").read_text(encoding="utf-8")
+    (example,) = [part for part in page.split("```python\n")[1:] if "patched_smbus2" in part.split("```")[0]]
+    exec(example.split("```")[0], {})
