@@ -9,6 +9,7 @@ from hw_fakes import dlpf
 from hw_fakes.drift import Drift
 from hw_fakes.imperfections import Imperfections
 from hw_fakes.motion import Motion
+from hw_fakes.personalities import MPU6050, Personality
 from hw_fakes.samples import CountArray, Run
 from hw_fakes.setup import ACCEL_LSB_PER_G, GYRO_LSB_PER_DPS, Setup
 from quavelet.core.units import DEG_PER_RAD, NS_PER_S, STANDARD_GRAVITY_M_S2
@@ -35,14 +36,16 @@ class MotionSource:
         seed: int,
         birth_ns: int,
         accel_trim: tuple[int, int, int],
-        self_test_codes: tuple[int, int, int, int],
+        self_test_codes: tuple[int, ...],
+        personality: Personality = MPU6050,
     ) -> None:
         self.motion = motion
         self.imperfections = imperfections
         self.seed = seed
         self.birth_ns = birth_ns
         self.accel_trim = np.array(accel_trim) & ~1
-        self.self_test = factory_response(self_test_codes)
+        self.personality = personality
+        self.self_test = personality.self_test_response(self_test_codes)
         rng, tau_s = np.random.default_rng((seed, 0, 0, 2)), imperfections.drift_correlation_s
         self.gyro_drift = Drift(rng, sd=imperfections.gyro_drift_rad_s, correlation_s=tau_s)
         self.accel_drift = Drift(rng, sd=imperfections.accel_drift_m_s2, correlation_s=tau_s)
@@ -69,13 +72,13 @@ class MotionSource:
         self._past = run, chunk, gyro, accel
         slow_by = run.nominal_hz // 1000
         gyro = _filtered(past_gyro, gyro, dlpf.taps("gyro", setup.dlpf))
-        accel = _filtered(past_accel, accel, dlpf.taps("accel", setup.dlpf))
+        accel = _filtered(past_accel, accel, dlpf.taps(*setup.accel_filter))
         at = np.arange(run.divider - 1, run.chunk * run.divider, run.divider)
         temp = self._temperature_degc(run, chunk, at)
         values = np.column_stack(
             [
                 self._accel_lsb(accel[(at + 1) // slow_by], setup),
-                (temp - 36.53) * 340.0,  # RM registers 65 and 66
+                (temp - self.personality.temp_zero_degc) * self.personality.temp_lsb_per_degc,  # RM registers 65 and 66
                 self._gyro_lsb(gyro[at + 1], setup),
             ]
         )
@@ -100,7 +103,8 @@ class MotionSource:
         """What the sensors give to the filter: rad/s at every tick of the chunk, m/s^2 at every tick of 1 kHz."""
         parts, rng = self.imperfections, self._random(run, chunk, 0)
         t_s = self._times_s(run, chunk, 1)
-        gyro = self.motion.rate_rad_s(t_s) * np.array(parts.gyro_scale) + self.gyro_bias_rad_s(t_s)
+        force = self.motion.specific_force_m_s2(t_s) if parts.feels_force else None
+        gyro = parts.gyro_shown_rad_s(self.motion.rate_rad_s(t_s), force) + self.gyro_bias_rad_s(t_s)
         if parts.gyro_settling_rad_s:
             awake_s = t_s - (run.awake_since_ns - self.birth_ns) / NS_PER_S
             gyro += parts.gyro_settling_rad_s * np.exp(-np.maximum(awake_s, 0.0) / SETTLING_S)[:, None]
@@ -108,7 +112,7 @@ class MotionSource:
             sd = parts.gyro_noise_rad_s_rthz * np.sqrt(run.nominal_hz / 2)
             gyro += sd * rng.standard_normal(gyro.shape)
         t_s = self._times_s(run, chunk, run.nominal_hz // 1000)
-        accel = self.motion.specific_force_m_s2(t_s) * np.array(parts.accel_scale) + self.accel_bias_m_s2(t_s)
+        accel = parts.accel_shown_m_s2(self.motion.specific_force_m_s2(t_s)) + self.accel_bias_m_s2(t_s)
         if parts.accel_noise_m_s2_rthz:
             accel += parts.accel_noise_m_s2_rthz * np.sqrt(1000 / 2) * rng.standard_normal(accel.shape)
         return gyro, accel
@@ -135,20 +139,6 @@ class MotionSource:
                 added_dps[word - 4] += self.self_test[word - 1] / GYRO_LSB_PER_DPS[0]
         lsb: FloatArray = (gyro_rad_s * DEG_PER_RAD + added_dps) * setup.gyro_lsb_per_dps
         return lsb
-
-
-def factory_response(codes: tuple[int, int, int, int]) -> FloatArray:
-    """The self-test response (6,) that the codes in RM registers 13 to 16 stand for.
-
-    Accelerometer x y z in LSB at +-8 g, then gyroscope x y z in LSB at +-250 deg/s, y negative.
-    """
-    response = np.zeros(6)
-    for axis in range(3):
-        accel = codes[axis] >> 3 & 0x1C | codes[3] >> (4 - 2 * axis) & 3
-        gyro = codes[axis] & 0x1F
-        response[axis] = 4096 * 0.34 * (0.92 / 0.34) ** ((accel - 1) / 30) if accel else 0.0
-        response[3 + axis] = (-1 if axis == 1 else 1) * 25 * 131 * 1.046 ** (gyro - 1) if gyro else 0.0
-    return response
 
 
 def _filtered(past: FloatArray, now: FloatArray, response: FloatArray) -> FloatArray:
