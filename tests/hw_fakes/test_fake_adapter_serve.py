@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -104,6 +105,19 @@ def test_the_programs_end_is_not_told() -> None:
     assert main([*serve, sys.executable, "-c", "import os; os.kill(os.getpid(), 9)"]) == 128 + 9
     assert main([*serve, "no-such-program"]) == 127
     assert main([*serve, "/"]) == 126
+
+
+@needs_compiler
+def test_a_program_outlives_the_command_that_is_told_to_end() -> None:
+    program = [sys.executable, "-c", "import signal; print('ready', flush=True); signal.pause()"]
+    serve = [sys.executable, "-m", "hw_fakes", "serve", "--scenario", "still", "--"]
+    with subprocess.Popen([*serve, *program], stdout=subprocess.PIPE, text=True) as served:
+        assert served.stdout is not None
+        assert served.stdout.readline() == "ready\n"
+        served.terminate()
+        # The pipe is at its end only when the program has let go of it.
+        assert served.communicate(timeout=30)[0] == ""
+    assert served.returncode == 128 + signal.SIGTERM
 
 
 class Broken:
