@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import struct
-
 from hw_fakes import registers as reg
-from hw_fakes.fifo import SIZE, Fifo
+from hw_fakes.fifo import Fifo
 from hw_fakes.imperfections import TYPICAL, Imperfections
 from hw_fakes.interrupt import Edge, IntPin
 from hw_fakes.motion import Motion, Still
+from hw_fakes.personalities import MPU6050, Personality
 from hw_fakes.prefetch import NO_DATA, Prefetch
 from hw_fakes.samples import Run, SampleSource
 from hw_fakes.setup import Setup, decode
@@ -51,18 +50,20 @@ class FakeMpu6050:
         internal_error: float = -0.03,
         seed: int = 0,
         accel_trim: tuple[int, int, int] = reg.ACCEL_TRIM,
-        self_test_codes: tuple[int, int, int, int] = reg.SELF_TEST_CODES,
+        self_test_codes: tuple[int, ...] | None = None,
         nack_in_reset: bool = False,
         source: SampleSource | None = None,
+        personality: Personality = MPU6050,
     ) -> None:
         """A chip that is just powered up, lying `Still` where no motion is given.
 
         pll_error, internal_error  how much too fast the two oscillators are: 0.01 is 1 % more samples a second
         accel_trim                 the factory's accelerometer offsets, 2048 LSB per g; they stand for no offset
-        self_test_codes            registers 0x0D to 0x10
+        self_test_codes            registers 0x0D to 0x10, or those of the personality
         nack_in_reset              for 100 ms after DEVICE_RESET it does not answer; otherwise it answers reset values,
                                    with DEVICE_RESET still set, and forgets what is written
         source                     where the samples come from, in place of motion and imperfections
+        personality                which chip of the family it is
         """
         self.clock = clock
         self.birth_ns = clock.now_ns()
@@ -71,7 +72,8 @@ class FakeMpu6050:
         self.pll_error = pll_error
         self.internal_error = internal_error
         self.accel_trim = accel_trim
-        self.self_test_codes = self_test_codes
+        self.personality = personality
+        self.self_test_codes = personality.self_test_codes if self_test_codes is None else self_test_codes
         self.nack_in_reset = nack_in_reset
         if source is None:
             source = MotionSource(
@@ -80,11 +82,12 @@ class FakeMpu6050:
                 seed=seed,
                 birth_ns=self.birth_ns,
                 accel_trim=accel_trim,
-                self_test_codes=self_test_codes,
+                self_test_codes=self.self_test_codes,
+                personality=personality,
             )
         self.source = source
         self.registers = bytearray(reg.COUNT)
-        self.fifo = Fifo()
+        self.fifo = Fifo(size=personality.fifo_bytes[0])
         self.written: list[tuple[int, int]] = []
         self.samples_taken = 0
         self._plugged = True
@@ -96,11 +99,12 @@ class FakeMpu6050:
         self._taken = 0  # of the samples of this run
         self._in_transaction = False
         self._pointer = 0
+        self._setup = decode(reg.POWER_UP)
         self._power_up()
-        self._setup = decode(self.registers)
         self._pin = IntPin()
         self._prefetch = Prefetch(self.source)
         self._shadow: bytes | None = NO_DATA  # None: the newest sample, not looked at yet
+        self._refresh()
 
     # Messages
 
@@ -198,6 +202,7 @@ class FakeMpu6050:
         now_ns = self.clock.now_ns()
         if self._resetting and now_ns >= self._reset_done_ns:
             self.registers[reg.PWR_MGMT_1] &= ~reg.DEVICE_RESET & 0xFF
+            self._refresh(self._reset_done_ns)
         run = self._run
         if run is None:
             self._past_end = False
@@ -217,16 +222,17 @@ class FakeMpu6050:
         self.registers[reg.INT_STATUS] |= reg.DATA_RDY_INT
         frame, overflow = 2 * len(self._setup.fifo_words), due
         if frame:
-            overflow = first + (SIZE - len(self.fifo)) // frame
+            overflow = first + (self.fifo.size - len(self.fifo)) // frame
             # Of more samples than the FIFO holds only the newest can be seen, but one more, so that it overflows.
-            seen = min(new, SIZE // frame + 1)
+            seen = min(new, self.fifo.size // frame + 1)
             self._push(self._prefetch.frames(run, self._setup, due - seen, due))
         self._pin.sampled(run, first, due, overflow)
 
-    def _refresh(self) -> None:
-        """Follow the configuration registers."""
+    def _refresh(self, since_ns: int | None = None) -> None:
+        """Follow the configuration registers, as they have been since a moment; None: since now."""
         self._pin.follow(self.registers, self.clock.now_ns())
-        setup = decode(self.registers)
+        self.fifo.resize(self.personality.fifo_size(self.registers))
+        setup = decode(self.registers, personality=self.personality)
         if setup == self._setup:
             return
         self._newest()
@@ -235,7 +241,7 @@ class FakeMpu6050:
         if not setup.awake:
             self._run, self._shadow = None, NO_DATA
         elif self._run is None or _timing(before) != _timing(setup):
-            self._run = self._new_run(setup)
+            self._run = self._new_run(setup, self.clock.now_ns() if since_ns is None else since_ns)
             self._taken = 0
         if setup.frozen != before.frozen:
             self._prefetch.held = self._newest()
@@ -243,8 +249,7 @@ class FakeMpu6050:
             self._fifo_begun = True
             self.source.fifo_begins(self._run, self._taken)
 
-    def _new_run(self, setup: Setup) -> Run:
-        now_ns = self.clock.now_ns()
+    def _new_run(self, setup: Setup, now_ns: int) -> Run:
         nominal_hz = 8000 if setup.fast else 1000
         error = self.pll_error if setup.on_pll else self.internal_error
         self._runs += 1
@@ -260,9 +265,7 @@ class FakeMpu6050:
     # Registers
 
     def _power_up(self) -> None:
-        self.registers[:] = reg.POWER_UP
-        struct.pack_into(">3h", self.registers, reg.ACCEL_OFFSETS, *self.accel_trim)
-        self.registers[reg.SELF_TEST_X : reg.SELF_TEST_X + 4] = bytes(self.self_test_codes)
+        self.registers[:] = self.personality.power_up_registers(self.accel_trim, self.self_test_codes)
         self.fifo.clear()
 
     def _step(self) -> None:

@@ -35,15 +35,30 @@ _ACCEL = (
     (1.0, 15.9207),  # 10
     (1.0, 31.8336),  # 5
 )
+# Of the 6500 class, by A_DLPF_CFG (RM9250 register 29); its delays at 5 and 6 are those of one pole. Setting 7, 420 Hz,
+# is taken as no filter, since samples come at 1 kHz.
+_OWN_ACCEL = (
+    (12.235, 0.1727),  # 218.1  1.88
+    (12.235, 0.1727),  # 218.1  1.88
+    (5.785, 0.5743),  # 99  2.88
+    (2.852, 1.8612),  # 44.8  4.88
+    (1.655, 5.4052),  # 21.2  8.87
+    (1.0, 15.6085),  # 10.2  16.83
+    (1.0, 31.5184),  # 5.05  32.48
+    (1.0, 0.05),
+)
 
 
 @lru_cache(maxsize=32)
 def taps(sensor: str, setting: int) -> NDArray[np.float64]:
-    """The impulse response of "gyro" or "accel" at DLPF_CFG 0 to 7, newest sample first, sum 1.
+    """The impulse response of "gyro", "accel" or "own accel" at a setting 0 to 7, newest sample first, sum 1.
 
-    At settings 0 and 7 the gyroscope's is for 8 kHz; all others are for 1 kHz. 7 is reserved and taken as 0.
+    At settings 0 and 7 the gyroscope's is for 8 kHz; all others are for 1 kHz. 7 is taken as 0 but for "own accel".
     """
-    shape, scale = (_GYRO if sensor == "gyro" else _ACCEL)[setting % 7]
+    if sensor == "own accel":
+        shape, scale = _OWN_ACCEL[setting]
+    else:
+        shape, scale = (_GYRO if sensor == "gyro" else _ACCEL)[setting % 7]
     n = np.arange(max(8, ceil((shape + 16) * scale))) + 0.5
     response: NDArray[np.float64] = n ** (shape - 1) * np.exp(-n / scale)
     response /= response.sum()

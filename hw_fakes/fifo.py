@@ -1,4 +1,4 @@
-"""The FIFO: 1024 bytes that know nothing of frames (RM registers 114 and 115)."""
+"""The FIFO: bytes that know nothing of frames, 1024 of them in the MPU-6050 (RM registers 114 and 115)."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ SIZE = 1024
 class Fifo:
     """Bytes in, bytes out, oldest first; what does not fit pushes the oldest out."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, size: int = SIZE) -> None:
+        self.size = size
         self.content = bytearray()
         self.last_read = 0
 
@@ -18,7 +19,7 @@ class Fifo:
     def push(self, data: bytes) -> bool:
         """Take `data`; True where bytes were lost for it."""
         self.content += data
-        lost = len(self.content) - SIZE
+        lost = len(self.content) - self.size
         if lost <= 0:
             return False
         del self.content[:lost]
@@ -31,6 +32,11 @@ class Fifo:
         if data:
             self.last_read = data[-1]
         return data + bytes([self.last_read]) * (n - len(data))
+
+    def resize(self, size: int) -> None:
+        """Hold `size` bytes from now on; of more, the newest are kept."""
+        self.size = size
+        del self.content[: max(0, len(self.content) - size)]
 
     def clear(self) -> None:
         """Forget all bytes."""

@@ -8,8 +8,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-ACCEL_OFFSETS = 0x06  # to 0x0B: X, Y, Z, high byte first; not in the RM, but in the silicon
-SELF_TEST_X = 0x0D  # to 0x10 (RM registers 13 to 16)
 GYRO_OFFSETS = 0x13  # to 0x18: X, Y, Z, high byte first; not in the RM
 SMPLRT_DIV = 0x19
 CONFIG = 0x1A
@@ -28,6 +26,7 @@ PWR_MGMT_2 = 0x6C
 FIFO_COUNTH = 0x72
 FIFO_COUNTL = 0x73
 FIFO_R_W = 0x74
+WHO_AM_I = 0x75
 COUNT = 0x80
 
 # INT_PIN_CFG
