@@ -8,6 +8,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+ACCEL_OFFSETS = 0x06  # to 0x0B: X, Y, Z, high byte first; not in the RM, but in the silicon
+SELF_TEST_X = 0x0D  # to 0x10 (RM registers 13 to 16)
 GYRO_OFFSETS = 0x13  # to 0x18: X, Y, Z, high byte first; not in the RM
 SMPLRT_DIV = 0x19
 CONFIG = 0x1A
@@ -40,6 +42,7 @@ FIFO_OFLOW_INT = 0x10
 
 # USER_CTRL
 USER_FIFO_EN = 0x40
+USER_I2C_MST_EN = 0x20
 USER_FIFO_RESET = 0x04
 USER_SIG_COND_RESET = 0x01
 
