@@ -7,10 +7,21 @@ from hw_fakes.chip import FakeMpu6050
 from hw_fakes.counts import RecordedCounts
 from hw_fakes.imperfections import TYPICAL
 from hw_fakes.motion import Motion, Still, Sway, Tilt, Turntable
+from hw_fakes.motion_bench import Coning, SixFaces
+from hw_fakes.motion_carried import Drone, Walk
 from quavelet.core.clock import Clock
 from quavelet.core.errors import SettingsError
 
-MOTIONS: dict[str, Motion] = {"still": Still(), "tilt": Tilt(), "turntable": Turntable(), "sway": Sway()}
+MOTIONS: dict[str, Motion] = {
+    "still": Still(),
+    "tilt": Tilt(),
+    "turntable": Turntable(),
+    "sway": Sway(),
+    "faces": SixFaces(),
+    "coning": Coning(),
+    "walk": Walk(),
+    "drone": Drone(),
+}
 COUNTS = "counts:"
 ADDRESS = 0x68
 
