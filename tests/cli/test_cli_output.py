@@ -6,6 +6,7 @@ import pty
 import signal
 import subprocess
 from itertools import pairwise
+from functools import partial
 from pathlib import Path
 
 import msgspec
@@ -125,7 +126,11 @@ def test_a_run_in_real_time_ends_on_a_signal_with_its_summary(number: signal.Sig
 
 def test_an_interrupted_check_up_ends_without_a_traceback() -> None:
     command = [PROGRAM, "doctor", "--bus", "fake:still"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as running:
+    # A job in the background of a script has SIGINT ignored, and hands that down.
+    heeds = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=heeds
+    ) as running:
         assert running.stdout
         running.stdout.readline()
         running.send_signal(signal.SIGINT)

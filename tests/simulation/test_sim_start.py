@@ -9,7 +9,7 @@ import pytest
 from session import run_session
 
 from hw_fakes import FakeBus, FakeMpu6050, Still, Sway, Tilt
-from hw_fakes.imperfections import draw
+from hw_fakes.imperfections import NO_MATRIX, draw
 from quavelet.core.blocks import Flag
 from quavelet.core.clock import VirtualClock
 from quavelet.core.euler import to_euler
@@ -22,7 +22,13 @@ def session(motion, seed: int, seconds: float, *, calibrated_accelerometer: bool
     clock = VirtualClock()
     sensor = draw(seed)
     if calibrated_accelerometer:
-        sensor = replace(sensor, accel_bias_m_s2=(0.0, 0.0, 0.0), accel_scale=(1.0, 1.0, 1.0))
+        sensor = replace(
+            sensor,
+            accel_bias_m_s2=(0.0, 0.0, 0.0),
+            accel_scale=(1.0, 1.0, 1.0),
+            accel_cross_axis=NO_MATRIX,
+            accel_nonlinearity=(0.0, 0.0, 0.0),
+        )
     chip = FakeMpu6050(clock, motion=motion, imperfections=sensor, pll_error=0.01 * (-1) ** seed, seed=seed)
     return run_session(FakeBus({0x68: chip}, clock=clock, name="fake:drawn"), clock, Settings(), seconds=seconds)
 

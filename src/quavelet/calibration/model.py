@@ -23,7 +23,7 @@ class ImuCalibration:
     gyro_bias_sigma_rad_s_degc   one sigma of how it goes with the chip's temperature
 
     The defaults are an uncalibrated chip, the limits of the data sheet (PS 6.1, 6.2) taken as the ends of uniform
-    distributions: zero-g 50, 50, 80 mg and 3 % of sensitivity make 37 mg, and 20 deg/s over the 60 degC to each
+    distributions: zero-g 50, 50, 80 mg, 3 % of sensitivity and 2 % across the axes make 40 mg, and 20 deg/s over the 60 degC to each
     end of the temperature range make 0.19 deg/s/degC. A bias measured at rest is good to about 0.01 deg/s for the
     minutes after, at the same temperature.
     """
@@ -32,7 +32,7 @@ class ImuCalibration:
     gyro_matrix: Matrix = IDENTITY
     accel_offset_m_s2: Vector = (0.0, 0.0, 0.0)
     accel_matrix: Matrix = IDENTITY
-    accel_sigma_m_s2: float = 0.037 * STANDARD_GRAVITY_M_S2
+    accel_sigma_m_s2: float = 0.040 * STANDARD_GRAVITY_M_S2
     gyro_scale_sigma: float = 0.03 / 3**0.5
     gyro_bias_sigma_rad_s: float = 0.01 * RAD_PER_DEG
     gyro_bias_sigma_rad_s_degc: float = 20.0 / 60.0 / 3**0.5 * RAD_PER_DEG
