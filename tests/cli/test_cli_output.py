@@ -5,8 +5,8 @@ import os
 import pty
 import signal
 import subprocess
-from itertools import pairwise
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 
 import msgspec

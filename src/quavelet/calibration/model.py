@@ -23,9 +23,9 @@ class ImuCalibration:
     gyro_bias_sigma_rad_s_degc   one sigma of how it goes with the chip's temperature
 
     The defaults are an uncalibrated chip, the limits of the data sheet (PS 6.1, 6.2) taken as the ends of uniform
-    distributions: zero-g 50, 50, 80 mg, 3 % of sensitivity and 2 % across the axes make 40 mg, and 20 deg/s over the 60 degC to each
-    end of the temperature range make 0.19 deg/s/degC. A bias measured at rest is good to about 0.01 deg/s for the
-    minutes after, at the same temperature.
+    distributions: zero-g 50, 50, 80 mg, 3 % of sensitivity and 2 % across the axes make 40 mg, and 20 deg/s over the
+    60 degC to each end of the temperature range make 0.19 deg/s/degC. A bias measured at rest is good to about
+    0.01 deg/s for the minutes after, at the same temperature.
     """
 
     gyro_bias_rad_s: Vector | None = None
