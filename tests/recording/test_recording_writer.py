@@ -22,23 +22,18 @@ from quavelet.recording.writer import RecordingWriter
 NOBODY = 65534
 
 
+SMALL_BYTES = 20_000
+
+
 @contextmanager
 def files_up_to(limit_bytes: int) -> Iterator[None]:
-    """No file may grow beyond so many bytes."""
+    """No file may grow beyond so many bytes. Not as a fixture: the test runner's own output is a file, too."""
     old = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (limit_bytes, old[1]))
     try:
         yield
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, old)
-
-
-@pytest.fixture
-def small_files() -> Iterator[int]:
-    """No file may grow beyond so many bytes."""
-    limit_bytes = 20_000
-    with files_up_to(limit_bytes):
-        yield limit_bytes
 
 
 @pytest.fixture
@@ -93,34 +88,35 @@ def test_a_disk_full_from_the_start_leaves_no_file_to_refuse_the_next_try(tmp_pa
     RecordingWriter(path, settings=SETTINGS).close()
 
 
-def test_a_disk_that_fills_up_says_so_and_keeps_what_was_written(tmp_path: Path, small_files: int) -> None:
+def test_a_disk_that_fills_up_says_so_and_keeps_what_was_written(tmp_path: Path) -> None:
     path = tmp_path / "a.qrec"
     written = drains(2000, frames=10)
-    with RecordingWriter(path, settings=SETTINGS) as writer:
+    with files_up_to(SMALL_BYTES), RecordingWriter(path, settings=SETTINGS) as writer:
         writer.begin(INFO)
         with pytest.raises(RecordingError, match=r"a\.qrec cannot be written .*record to another"):
             for drain in written:
                 writer.write(drain)
         with pytest.raises(RecordingError, match="is closed"):
             writer.write(written[-1])
-    assert path.stat().st_size == small_files
+    assert path.stat().st_size == SMALL_BYTES
     reader = RecordingReader(path)
     _, *got = reader
     assert got == written[: len(got)]
-    assert len(got) * 181 > small_files - 5_000
+    assert len(got) * 181 > SMALL_BYTES - 5_000
     assert reader.damage.truncated
     with pytest.raises(RecordingError, match="cut off"):
         reader.check()
 
 
-def test_a_disk_full_at_the_very_end_is_told_by_close(tmp_path: Path, small_files: int) -> None:
+def test_a_disk_full_at_the_very_end_is_told_by_close(tmp_path: Path) -> None:
     path = tmp_path / "a.qrec"
-    writer = RecordingWriter(path, settings=SETTINGS)
-    writer.begin(INFO)
-    writer.write(Drain(0, 0, 0, 0, 0, bytes(small_files)))
-    with pytest.raises(RecordingError, match="cannot be written"):
+    with files_up_to(SMALL_BYTES):
+        writer = RecordingWriter(path, settings=SETTINGS)
+        writer.begin(INFO)
+        writer.write(Drain(0, 0, 0, 0, 0, bytes(SMALL_BYTES)))
+        with pytest.raises(RecordingError, match="cannot be written"):
+            writer.close()
         writer.close()
-    writer.close()
 
 
 KILLED = """
