@@ -18,7 +18,7 @@ REPOSITORY = HERE.parents[1]
 UNIT = REPOSITORY / "systemd" / "quavelet@.service"
 
 PREPARE = """
-groupadd --system i2c
+groupadd --force --system i2c
 useradd --system --user-group --groups i2c --no-create-home --shell /usr/sbin/nologin quavelet
 mkdir /etc/quavelet
 sed 's/^name = .*/name = "fake:tilt"/' /opt/quavelet/repository/systemd/quavelet.toml > /etc/quavelet/imu0.toml
