@@ -12,6 +12,7 @@ from hw_fakes.prefetch import NO_DATA, Prefetch
 from hw_fakes.samples import Run, SampleSource
 from hw_fakes.setup import Setup, decode
 from hw_fakes.signal_path import MotionSource
+from hw_fakes.target import Nack
 from quavelet.core.clock import Clock
 from quavelet.core.errors import EndOfData
 from quavelet.core.units import NS_PER_MS, NS_PER_S
@@ -20,10 +21,6 @@ RESET_NS = 100 * NS_PER_MS
 _NEEDS_SAMPLES = frozenset(
     [*range(reg.INT_STATUS, reg.GYRO_ZOUT_L + 1), reg.FIFO_COUNTH, reg.FIFO_COUNTL, reg.FIFO_R_W]
 )
-
-
-class Nack(Exception):
-    """The chip does not acknowledge its address."""
 
 
 class FakeMpu6050:

@@ -7,8 +7,7 @@ import os
 from collections.abc import Mapping, Sequence
 from enum import IntEnum
 
-from hw_fakes.bus import Target
-from hw_fakes.chip import Nack
+from hw_fakes.target import Nack, Target
 from quavelet.core.clock import Clock, VirtualClock
 from quavelet.core.units import NS_PER_S
 
@@ -37,10 +36,14 @@ class Size(IntEnum):
 class Adapter:
     """Chips at their addresses on one pair of wires; what every way into the fake ends in.
 
-    targets     by address; `attach` adds more
-    clock       where it is a virtual one, it is moved on by the time a transfer takes on the wire at `speed_hz`
+    On the wire a byte is 9 bit-times, a START, repeated START or STOP one each.
+
+    targets     the chips by address; `attach` adds more, `detach` takes them off
+    clock       where it is a virtual one, a transfer moves it on by the time it takes at `speed_hz`, at its end, so
+                that what happens meanwhile is seen by the next one
     nack_errno  what a missing acknowledge is told as: EREMOTEIO (121) on a Raspberry Pi, ENXIO (6) on many others
     transfers   how many there were, also those that failed
+    busy_ns     the time they took on the wire
     """
 
     functions = 0x0EFF0001
@@ -58,7 +61,10 @@ class Adapter:
         self.nack_errno = nack_errno
         self.speed_hz = speed_hz
         self.transfers = 0
-        self._targets: dict[int, Target] = {}
+        self.busy_ns = 0
+        self.targets: dict[int, Target] = {}
+        self._begun: dict[int, Target] = {}
+        self._bits = 0
         for address, target in (targets or {}).items():
             self.attach(address, target)
 
@@ -66,9 +72,15 @@ class Adapter:
         """Put a chip on the wires. Raises ValueError where its address is taken or is none."""
         if not FIRST_ADDRESS <= address <= LAST_ADDRESS:
             raise ValueError(f"0x{address:02x} is no address of a chip: take one from 0x08 to 0x77")
-        if address in self._targets:
+        if address in self.targets:
             raise ValueError(f"two chips at 0x{address:02x}: pull AD0 of one high (0x69), or give it another bus")
-        self._targets[address] = target
+        self.targets[address] = target
+
+    def detach(self, address: int) -> Target:
+        """Take the chip at `address` off the wires. Raises ValueError where there is none."""
+        if address not in self.targets:
+            raise ValueError(f"there is no chip at 0x{address:02x} to take off")
+        return self.targets.pop(address)
 
     def transfer(self, messages: Sequence[Message]) -> list[bytes]:
         """One transaction with a repeated START between messages: what each read, b"" of a write.
@@ -77,31 +89,46 @@ class Adapter:
         """
         if any(flags & ~READ for _, flags, _ in messages):
             raise os_error(errno.EOPNOTSUPP)
-        self.transfers += 1
-        answers: list[bytes] = []
-        begun: dict[int, Target] = {}
-        bits = 1  # STOP
         try:
-            for address, _, payload in messages:
-                bits += 1 + 9  # START and the address
-                if address not in self._targets:
-                    raise Nack
-                target = begun[address] = self._targets[address]
-                if isinstance(payload, int):
-                    answers.append(target.read(payload))
-                    bits += 9 * payload
-                else:
-                    target.write(payload)
-                    answers.append(b"")
-                    bits += 9 * len(payload)
+            return [self.message(address, flags, payload) for address, flags, payload in messages]
+        finally:
+            self.stop()
+
+    def message(self, address: int, flags: int, payload: bytes | int) -> bytes:
+        """START or repeated START and one message: what it read, b"" of a write. `stop` ends the transaction.
+
+        Raises OSError as `transfer`.
+        """
+        if flags & ~READ:
+            raise os_error(errno.EOPNOTSUPP)
+        self._bits += 1 + 9  # START and the address
+        target = self.targets.get(address)
+        if target is None:
+            raise os_error(self.nack_errno)
+        self._begun[address] = target
+        try:
+            if isinstance(payload, int):
+                answer = target.read(payload)
+                self._bits += 9 * payload
+            else:
+                answer = b""
+                target.write(payload)
+                self._bits += 9 * len(payload)
         except Nack:
             raise os_error(self.nack_errno) from None
-        finally:
-            for target in begun.values():
-                target.stop()
-            if isinstance(self.clock, VirtualClock):
-                self.clock.advance_ns(-(-bits * NS_PER_S // self.speed_hz))
-        return answers
+        return answer
+
+    def stop(self) -> None:
+        """STOP: the transaction is over, and its time has passed."""
+        for target in self._begun.values():
+            target.stop()
+        self._begun.clear()
+        wire_ns = -(-(self._bits + 1) * NS_PER_S // self.speed_hz)
+        self._bits = 0
+        self.transfers += 1
+        self.busy_ns += wire_ns
+        if isinstance(self.clock, VirtualClock):
+            self.clock.advance_ns(wire_ns)
 
     def smbus(self, address: int, *, read: bool, command: int, size: int, data: bytes) -> bytes:
         """An SMBus call, i2c_smbus_xfer_emulated of the kernel.

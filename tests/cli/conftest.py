@@ -22,10 +22,10 @@ class AnotherChip:
 class Dying(FakeBus):
     """The plug is pulled after a hundred transactions."""
 
-    def _transfer(self, address, data, n):
+    def _transfer(self, messages):
         if self.transactions == 100:
             self.targets.clear()
-        return super()._transfer(address, data, n)
+        return super()._transfer(messages)
 
 
 def open_odd(which, *, clock):

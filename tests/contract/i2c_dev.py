@@ -18,8 +18,7 @@ from unittest import mock
 
 import smbus2.smbus2
 
-from hw_fakes import Nack
-from hw_fakes.bus import Target
+from hw_fakes import Nack, Target
 from quavelet.bus import linux
 
 I2C_SLAVE, I2C_FUNCS, I2C_RDWR = 0x703, 0x705, 0x707
