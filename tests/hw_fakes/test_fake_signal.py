@@ -48,7 +48,7 @@ def response(make_board, dlpf, hz, word):
     board.start_fifo({0: 0x08, 4: 0x40}[word])
     words = {0: 3, 4: 1}[word]
     counts = board.collect(max(1.0, 20 / hz), step_ms=2 if fast else 20, words=words)[:, 0]
-    run = board.chip._run
+    run = board.chip.run
     period_s = (1 + div) / (8000 if fast else 1000)
     # The FIFO's first sample is the first after it was switched on, three writes after the start.
     before = run.samples_by(start_ns + 3 * 72_500)

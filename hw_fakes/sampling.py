@@ -1,0 +1,131 @@
+"""How the chip takes samples: when, by which oscillator, and where they show."""
+
+from __future__ import annotations
+
+from hw_fakes import registers as reg
+from hw_fakes.fifo import Fifo
+from hw_fakes.interrupt import IntPin
+from hw_fakes.personalities import Personality
+from hw_fakes.prefetch import NO_DATA, Prefetch
+from hw_fakes.samples import Run, SampleSource
+from hw_fakes.setup import Setup, decode
+from quavelet.core.units import NS_PER_S
+
+
+class Sampling:
+    """Samples by the configuration registers, into the sensor registers, the FIFO, the status and the INT pin.
+
+    A sample falls at its exact time but is computed only when someone can see it.
+
+    run            the present stretch of even sampling; None while the chip does not sample
+    samples_taken  since construction, as of the last `advance`
+    past_end       a sample was due that the source does not have any more
+    """
+
+    def __init__(
+        self,
+        registers: bytearray,
+        source: SampleSource,
+        *,
+        fifo: Fifo,
+        pin: IntPin,
+        personality: Personality,
+        pll_error: float,
+        internal_error: float,
+    ) -> None:
+        self.run: Run | None = None
+        self.samples_taken = 0
+        self.past_end = False
+        self._registers = registers
+        self._source = source
+        self._fifo = fifo
+        self._pin = pin
+        self._personality = personality
+        self._pll_error = pll_error
+        self._internal_error = internal_error
+        self._setup = decode(reg.POWER_UP)
+        self._prefetch = Prefetch(source)
+        self._shadow: bytes | None = NO_DATA  # None: the newest sample, not looked at yet
+        self._runs = 0
+        self._taken = 0  # of the samples of this run
+        self._fifo_begun = False
+
+    def follow(self, t_ns: int) -> None:
+        """Obey the configuration registers, which have been as they are since `t_ns`."""
+        self._pin.follow(self._registers, t_ns)
+        self._fifo.resize(self._personality.fifo_size(self._registers))
+        setup = decode(self._registers, personality=self._personality)
+        if setup == self._setup:
+            return
+        self.newest()  # shows what it was taken with
+        before, self._setup = self._setup, setup
+        self._prefetch.clear()
+        if not setup.awake:
+            self.run, self._shadow = None, NO_DATA
+        elif self.run is None or _timing(before) != _timing(setup):
+            self.run = self._new_run(setup, t_ns)
+            self._taken = 0
+        if setup.frozen != before.frozen:
+            self._prefetch.held = self.newest()
+        if setup.fifo_words and not self._fifo_begun and self.run:
+            self._fifo_begun = True
+            self._source.fifo_begins(self.run, self._taken)
+
+    def advance(self, now_ns: int) -> None:
+        """Take the samples that have fallen by `now_ns`."""
+        if self.run is None:
+            self.past_end = False
+            return
+        due, limit = self.run.samples_by(now_ns), self._source.limit(self.run)
+        self.past_end = limit is not None and due > limit
+        if limit is not None:
+            due = min(due, limit)
+        if due > self._taken:
+            self._take(self.run, due)
+
+    def newest(self) -> bytes:
+        """The 14 sensor bytes of the newest sample."""
+        if self._shadow is None and self.run is not None:
+            self._shadow = self._prefetch.sample(self.run, self._setup, self._taken - 1)
+        return self._shadow or NO_DATA
+
+    def blank(self) -> None:
+        """The sensor registers are cleared, until the next sample."""
+        self._shadow = NO_DATA
+
+    def switch_off(self) -> None:
+        """There is no supply: nothing is sampled, and nothing is shown."""
+        self._setup = decode(reg.POWER_UP)
+        self.run, self._shadow = None, NO_DATA
+
+    def _take(self, run: Run, due: int) -> None:
+        first, self._taken = self._taken, due
+        self.samples_taken += due - first
+        self._shadow = None
+        # Both bits are set whether or not INT_ENABLE lets them out to the pin.
+        self._registers[reg.INT_STATUS] |= reg.DATA_RDY_INT
+        frame, overflow = 2 * len(self._setup.fifo_words), due
+        if frame:
+            overflow = first + (self._fifo.size - len(self._fifo)) // frame
+            # Of more samples than the FIFO holds only the newest can be seen, but one more, so that it overflows.
+            seen = min(due - first, self._fifo.size // frame + 1)
+            if self._fifo.push(self._prefetch.frames(run, self._setup, due - seen, due)):
+                self._registers[reg.INT_STATUS] |= reg.FIFO_OFLOW_INT
+        self._pin.sampled(run, first, due, overflow)
+
+    def _new_run(self, setup: Setup, t_ns: int) -> Run:
+        nominal_hz = 8000 if setup.fast else 1000
+        error = self._pll_error if setup.on_pll else self._internal_error
+        self._runs += 1
+        return Run(
+            number=self._runs,
+            start_ns=t_ns,
+            awake_since_ns=self.run.awake_since_ns if self.run else t_ns,
+            tick_ns=NS_PER_S / (nominal_hz * (1 + error)),
+            nominal_hz=nominal_hz,
+            divider=setup.divider,
+        )
+
+
+def _timing(setup: Setup) -> tuple[bool, bool, int]:
+    return setup.fast, setup.on_pll, setup.divider
