@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from hw_fakes import registers as reg
 from hw_fakes.fifo import Fifo
 from hw_fakes.imperfections import TYPICAL, Imperfections
 from hw_fakes.interrupt import Edge, IntPin
 from hw_fakes.motion import Motion, Still
 from hw_fakes.personalities import MPU6050, Personality
-from hw_fakes.samples import Run, SampleSource
+from hw_fakes.samples import CountArray, Run, SampleSource
 from hw_fakes.sampling import Sampling
 from hw_fakes.signal_path import MotionSource
 from hw_fakes.target import Nack
@@ -154,6 +156,34 @@ class FakeMpu6050:
         self._sampling.follow(self.clock.now_ns())
         self._pointer = 0
 
+    def recompute(self) -> None:
+        """What comes from now on is computed anew: for a motion that was changed while the chip runs."""
+        self._look()
+        self._sampling.recompute()
+
+    @property
+    def int_connected(self) -> bool:
+        """Whether the INT pin reaches its pad; without, it stays inactive whatever happens."""
+        return self._pin.connected
+
+    @int_connected.setter
+    def int_connected(self, connected: bool) -> None:
+        self._look()
+        self._pin.connected = connected
+        self._pin.follow(self.registers, self.clock.now_ns())
+
+    @property
+    def spoil_words(self) -> Callable[[CountArray], CountArray] | None:
+        """What makes of the words (n, 7) of samples those that show, in the FIFO and in the registers; None: they show
+        as they are. Words are accelerometer x y z, temperature, gyroscope x y z; samples come in order, and the newest
+        may come again."""
+        return self._sampling.spoil
+
+    @spoil_words.setter
+    def spoil_words(self, spoil: Callable[[CountArray], CountArray] | None) -> None:
+        self._look()
+        self._sampling.spoil = spoil
+
     def int_level(self) -> bool:
         """Whether the INT pin is high now. Within a transaction: as it was when that began, or was cleared by it."""
         self._look()
@@ -262,4 +292,4 @@ class FakeMpu6050:
                 self.fifo.clear()
             if value & reg.USER_SIG_COND_RESET:
                 self._sampling.blank()
-        self.registers[register] = value & reg.REGISTERS[register].sticks
+        self.registers[register] = value & self.personality.sticks(register)

@@ -15,8 +15,8 @@ from hw_fakes.setup import Setup
 from quavelet.core.errors import SettingsError
 from quavelet.core.units import NS_PER_S
 
-# Time is counted in outputs of an 8 kHz gyroscope by the chip's own clock, so that frames are found in whole numbers.
-_UNITS_HZ = 8000
+# Time is counted in outputs of a 32 kHz gyroscope by the chip's own clock, so that frames are found in whole numbers.
+_UNITS_HZ = 32000
 
 
 class RecordedCounts:
@@ -103,6 +103,9 @@ class RecordedCounts:
 
     def fifo_begins(self, run: Run, sample: int, /) -> None:
         self._anchor = run, sample
+
+    def forget(self) -> None:
+        return
 
     @property
     def _units_a_frame(self) -> int:

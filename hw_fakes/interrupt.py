@@ -60,6 +60,7 @@ class IntPin:
         self._config = 0
         self._enabled = 0
         self._high = False  # between pulses
+        self.connected = True
 
     def follow(self, registers: bytes | bytearray, now_ns: int) -> None:
         """Take over the three registers as they are at `now_ns`."""
@@ -73,6 +74,8 @@ class IntPin:
 
     def sampled(self, run: Run, first: int, end: int, overflow: int) -> None:
         """Samples `first` up to `end` of a run fell; from `overflow` on the FIFO lost bytes for them."""
+        if not self.connected:
+            return
         if self._enabled & reg.DATA_RDY_INT:
             begin = first
         elif self._enabled & reg.FIFO_OFLOW_INT:
@@ -92,7 +95,7 @@ class IntPin:
 
     def overflowed(self, now_ns: int) -> None:
         """A byte written to the FIFO pushed another out."""
-        if not self._enabled & reg.FIFO_OFLOW_INT:
+        if not (self.connected and self._enabled & reg.FIFO_OFLOW_INT):
             return
         if self._config & reg.LATCH_INT_EN:
             self._settle(now_ns, status=reg.FIFO_OFLOW_INT)
@@ -119,7 +122,7 @@ class IntPin:
         return not self._config & reg.INT_LEVEL
 
     def _settle(self, t_ns: int, *, status: int) -> None:
-        active = bool(self._config & reg.LATCH_INT_EN and status & self._enabled)
+        active = bool(self.connected and self._config & reg.LATCH_INT_EN and status & self._enabled)
         high = active == self._active_high
         if high != self._high:
             self._high = high

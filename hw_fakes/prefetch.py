@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+
 import numpy as np
 
-from hw_fakes.samples import Run, SampleSource
+from hw_fakes.samples import CountArray, Run, SampleSource
 from hw_fakes.setup import Setup
 
 NO_DATA = bytes(14)
@@ -20,6 +22,7 @@ class Prefetch:
         self._bytes = b""
         self._frames = b""
         self.held = NO_DATA  # what axes in standby go on showing
+        self.spoil: Callable[[CountArray], CountArray] | None = None
 
     def clear(self) -> None:
         self._chunk = -1
@@ -28,7 +31,8 @@ class Prefetch:
         """The 14 sensor bytes of sample n of the run."""
         chunk, row = divmod(n, run.chunk)
         self._fetch(run, setup, chunk)
-        return self._bytes[14 * row : 14 * row + 14]
+        sample = self._bytes[14 * row : 14 * row + 14]
+        return self._spoilt(sample, range(7)) if self.spoil else sample
 
     def frames(self, run: Run, setup: Setup, first: int, end: int) -> bytes:
         """The FIFO's frames of samples `first` up to `end` of the run."""
@@ -38,9 +42,17 @@ class Prefetch:
             chunk, row = divmod(first, run.chunk)
             self._fetch(run, setup, chunk)
             rows = min(end - first, run.chunk - row)
-            out += self._frames[row * size : (row + rows) * size]
+            if self.spoil:
+                out += self._spoilt(self._bytes[14 * row : 14 * (row + rows)], setup.fifo_words)
+            else:
+                out += self._frames[row * size : (row + rows) * size]
             first += rows
         return out
+
+    def _spoilt(self, samples: bytes, words: Sequence[int]) -> bytes:
+        assert self.spoil is not None
+        whole = np.frombuffer(samples, dtype=_BIG_ENDIAN).astype(np.int16).reshape(-1, 7)
+        return self.spoil(whole)[:, words].astype(_BIG_ENDIAN).tobytes()
 
     def _fetch(self, run: Run, setup: Setup, chunk: int) -> None:
         if chunk == self._chunk:

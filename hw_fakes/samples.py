@@ -21,7 +21,7 @@ class Run:
     start_ns        clock time it began
     awake_since_ns  clock time the chip woke
     tick_ns         true time between two outputs of the gyroscope
-    nominal_hz      outputs of the gyroscope a second, by the chip's own clock: 1000 or 8000
+    nominal_hz      outputs of the gyroscope a second, by the chip's own clock: 1000, 8000 or 32000
     divider         outputs of the gyroscope a sample
     """
 
@@ -43,8 +43,8 @@ class Run:
 
     @property
     def chunk(self) -> int:
-        """Samples that are computed together: some 4000 ticks, and a multiple of 8 of them."""
-        return 8 * max(1, 512 // self.divider)
+        """Samples that are computed together: some 4000 ticks, or a second's, and whole periods of the accelerometer."""
+        return 8 * max(1, max(4096, self.nominal_hz) // 8 // self.divider)
 
 
 class SampleSource(Protocol):
@@ -60,4 +60,8 @@ class SampleSource(Protocol):
 
     def fifo_begins(self, run: Run, sample: int, /) -> None:
         """The FIFO was switched on for the first time; `sample` will be the first in it."""
+        ...
+
+    def forget(self) -> None:
+        """Words that were computed ahead are not valid any more."""
         ...

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from hw_fakes import registers as reg
 from hw_fakes.fifo import Fifo
 from hw_fakes.interrupt import IntPin
 from hw_fakes.personalities import Personality
 from hw_fakes.prefetch import NO_DATA, Prefetch
-from hw_fakes.samples import Run, SampleSource
+from hw_fakes.samples import CountArray, Run, SampleSource
 from hw_fakes.setup import Setup, decode
 from quavelet.core.units import NS_PER_S
 
@@ -89,6 +91,20 @@ class Sampling:
             self._shadow = self._prefetch.sample(self.run, self._setup, self._taken - 1)
         return self._shadow or NO_DATA
 
+    def recompute(self) -> None:
+        """Samples computed ahead are forgotten: the source has changed."""
+        self._prefetch.clear()
+        self._source.forget()
+
+    @property
+    def spoil(self) -> Callable[[CountArray], CountArray] | None:
+        """What makes of samples' words those that show."""
+        return self._prefetch.spoil
+
+    @spoil.setter
+    def spoil(self, spoil: Callable[[CountArray], CountArray] | None) -> None:
+        self._prefetch.spoil = spoil
+
     def blank(self) -> None:
         """The sensor registers are cleared, until the next sample."""
         self._shadow = NO_DATA
@@ -114,18 +130,17 @@ class Sampling:
         self._pin.sampled(run, first, due, overflow)
 
     def _new_run(self, setup: Setup, t_ns: int) -> Run:
-        nominal_hz = 8000 if setup.fast else 1000
         error = self._pll_error if setup.on_pll else self._internal_error
         self._runs += 1
         return Run(
             number=self._runs,
             start_ns=t_ns,
             awake_since_ns=self.run.awake_since_ns if self.run else t_ns,
-            tick_ns=NS_PER_S / (nominal_hz * (1 + error)),
-            nominal_hz=nominal_hz,
+            tick_ns=NS_PER_S / (setup.gyro_hz * (1 + error)),
+            nominal_hz=setup.gyro_hz,
             divider=setup.divider,
         )
 
 
-def _timing(setup: Setup) -> tuple[bool, bool, int]:
-    return setup.fast, setup.on_pll, setup.divider
+def _timing(setup: Setup) -> tuple[int, bool, int]:
+    return setup.gyro_hz, setup.on_pll, setup.divider

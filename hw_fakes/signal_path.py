@@ -23,8 +23,9 @@ class MotionSource:
     """The signal path of a chip in motion.
 
     What each sensor feels at each tick, its errors and white noise go through the low-pass filter, then are decimated,
-    brought to the range, rounded and clipped. The gyroscope ticks at 1 or 8 kHz, the accelerometer always at 1 kHz
-    (RM register 25). The filter's past is that of the motion at the present setting: changing a setting, or self-test,
+    brought to the range, rounded and clipped. The gyroscope ticks at 1, 8 or 32 kHz, the accelerometer always at 1 kHz
+    (RM register 25). Woken for single samples, the chip has no time to filter: each is one tick as it is, and the
+    gyroscope's, though a real one would still be starting, is not disturbed. The filter's past is that of the motion at the present setting: changing a setting, or self-test,
     shows no transient. Noise is a function of seed, run and chunk, so it does not depend on who reads when.
     """
 
@@ -66,12 +67,15 @@ class MotionSource:
     def fifo_begins(self, _run: Run, _sample: int, /) -> None:
         return
 
+    def forget(self) -> None:
+        self._past = None
+
     def words(self, run: Run, setup: Setup, chunk: int, /) -> CountArray:
         past_gyro, past_accel = self._felt_before(run, chunk)
         gyro, accel = self._felt(run, chunk)
         self._past = run, chunk, gyro, accel
         slow_by = run.nominal_hz // 1000
-        gyro = _filtered(past_gyro, gyro, dlpf.taps("gyro", setup.dlpf))
+        gyro = _filtered(past_gyro, gyro, dlpf.taps(*setup.gyro_filter))
         accel = _filtered(past_accel, accel, dlpf.taps(*setup.accel_filter))
         at = np.arange(run.divider - 1, run.chunk * run.divider, run.divider)
         temp = self._temperature_degc(run, chunk, at)

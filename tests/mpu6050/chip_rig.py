@@ -44,6 +44,9 @@ class NumberedSamples:
     def fifo_begins(self, _run: Run, _sample: int, /) -> None:
         return
 
+    def forget(self) -> None:
+        return
+
     def true_ns(self, numbers: NDArray[np.int64]) -> NDArray[np.float64]:
         """When the chip took these samples."""
         assert self.run is not None
