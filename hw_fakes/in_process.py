@@ -9,8 +9,8 @@ from __future__ import annotations
 import ctypes
 import errno
 import os
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from types import SimpleNamespace
 from typing import Any
 from unittest import mock
@@ -18,7 +18,7 @@ from unittest import mock
 import smbus2.smbus2
 
 from hw_fakes.i2c_adapter import READ, Adapter, Message, os_error, union_length
-from hw_fakes.i2c_dev import I2C_FUNCS, I2C_RDWR, I2C_SMBUS, MOST_MESSAGES, OpenDevice
+from hw_fakes.i2c_dev import I2C_FUNCS, I2C_RDWR, I2C_SLAVE, I2C_SMBUS, MOST_MESSAGES, OpenDevice
 
 
 class SmbusCall(ctypes.Structure):
@@ -52,42 +52,98 @@ class Transaction(ctypes.Structure):
 @contextmanager
 def patched_smbus2(adapters: Mapping[str, Adapter]) -> Iterator[None]:
     """Inside the block smbus2 finds these adapters, by path ("/dev/i2c-1"), and no other bus: no real one either."""
-    kernel = _Kernel(adapters)
-    system = SimpleNamespace(**{**vars(os), "open": kernel.open, "close": kernel.close})
-    with mock.patch.object(smbus2.smbus2, "os", system), mock.patch.object(smbus2.smbus2, "ioctl", kernel.ioctl):
+    with PatchedKernel(adapters).installed():
         yield
 
 
-class _Kernel:
-    def __init__(self, adapters: Mapping[str, Adapter]) -> None:
-        self._adapters = dict(adapters)
-        self._open: dict[int, OpenDevice] = {}
+class PatchedKernel:
+    """The kernel as smbus2 sees it: what each path opens, what is refused, and what was asked.
 
-    def open(self, path: str, flags: int) -> int:
-        if path not in self._adapters:
-            raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), path)
+    devices       by path: an adapter; the errno opening it is refused with (EACCES: not in the group i2c); None for a
+                  device that opens and is no I2C adapter (ENOTTY). Opening any other path is refused with ENOENT
+    held          addresses a kernel driver holds, on every adapter: I2C_SLAVE is refused with EBUSY. I2C_RDWR is not,
+                  and neither is I2C_SLAVE_FORCE, as in the kernel
+    fail_with     errno of every transfer from here on, before it is on the wires; None: none fails
+    open_files    path by file descriptor
+    ioctls        the requests, in order, also those refused
+    transactions  of each I2C_RDWR (address, "read" or "write", length) of its messages, also of those that failed
+    """
+
+    def __init__(self, devices: Mapping[str, Adapter | int | None], *, replace: Iterable[str] = ()) -> None:
+        """`replace` names further functions `ioctl` to replace, those of code that asks something of smbus2's file
+        itself: "some_driver.bus.ioctl"."""
+        self.devices = dict(devices)
+        self.held: set[int] = set()
+        self.fail_with: int | None = None
+        self.open_files: dict[int, str] = {}
+        self.ioctls: list[int] = []
+        self.transactions: list[list[tuple[int, str, int]]] = []
+        self._replace = tuple(replace)
+        self._opened: dict[int, OpenDevice] = {}
+
+    @contextmanager
+    def installed(self) -> Iterator[PatchedKernel]:
+        """smbus2 talks to this kernel, and to no other, inside the block."""
+        system = SimpleNamespace(**{**vars(os), "open": self._open, "close": self._close})
+        with ExitStack() as replaced:
+            replaced.enter_context(mock.patch.object(smbus2.smbus2, "os", system))
+            for name in ("smbus2.smbus2.ioctl", *self._replace):
+                replaced.enter_context(mock.patch(name, self._ioctl))
+            yield self
+
+    def _open(self, path: str, flags: int) -> int:
+        device = self.devices.get(path, errno.ENOENT)
+        if isinstance(device, int):
+            raise OSError(device, os.strerror(device), path)
         fd = os.open(os.devnull, flags)  # a number that no other file of the process has
-        self._open[fd] = OpenDevice(self._adapters[path])
+        self.open_files[fd] = path
+        if device is not None:
+            self._opened[fd] = OpenDevice(device)
         return fd
 
-    def close(self, fd: int) -> None:
-        self._open.pop(fd, None)
+    def _close(self, fd: int) -> None:
+        self._opened.pop(fd, None)
+        self.open_files.pop(fd, None)
         os.close(fd)
 
-    def ioctl(self, fd: int, request: int, argument: Any = 0) -> int:
-        device = self._open.get(fd)
-        if device is None:
+    def _ioctl(self, fd: int, request: int, argument: Any = 0) -> int:
+        if fd not in self.open_files:
             raise os_error(errno.EBADF)
+        self.ioctls.append(request)
+        device = self._opened.get(fd)
+        if device is None:
+            raise os_error(errno.ENOTTY)
         if request == I2C_SMBUS:
+            self._may_fail()
             _smbus(device, SmbusCall.from_address(ctypes.addressof(argument)))
             return 0
         if request == I2C_RDWR:
-            return _transfer(device, Transaction.from_address(ctypes.addressof(argument)))
+            return self._transfer(device, Transaction.from_address(ctypes.addressof(argument)))
         if request == I2C_FUNCS:
             # smbus2 has four bytes for it where the kernel writes a long.
             argument.value = device.control(request, 0)
             return 0
+        if request == I2C_SLAVE and int(argument) in self.held:
+            raise os_error(errno.EBUSY)
         return device.control(request, int(argument))
+
+    def _transfer(self, device: OpenDevice, transaction: Transaction) -> int:
+        if transaction.nmsgs > MOST_MESSAGES:
+            raise os_error(errno.EINVAL)
+        raw = (I2CMessage * transaction.nmsgs).from_address(transaction.msgs)
+        self.transactions.append([(m.addr, "read" if m.flags & READ else "write", m.len) for m in raw])
+        self._may_fail()
+        messages: list[Message] = [
+            (m.addr, m.flags, m.len if m.flags & READ else ctypes.string_at(m.buf, m.len)) for m in raw
+        ]
+        for message, answer in zip(raw, device.transfer(messages), strict=True):
+            if answer:
+                ctypes.memmove(message.buf, answer, len(answer))
+        return len(raw)
+
+    def _may_fail(self) -> None:
+        if self.fail_with is not None:
+            raise os_error(self.fail_with)
 
 
 def _smbus(device: OpenDevice, call: SmbusCall) -> None:
@@ -96,16 +152,3 @@ def _smbus(device: OpenDevice, call: SmbusCall) -> None:
     answer = device.smbus(direction=call.read_write, command=call.command, size=call.size, data=data)
     if answer:
         ctypes.memmove(call.data, answer, len(answer))
-
-
-def _transfer(device: OpenDevice, transaction: Transaction) -> int:
-    if transaction.nmsgs > MOST_MESSAGES:
-        raise os_error(errno.EINVAL)
-    raw = (I2CMessage * transaction.nmsgs).from_address(transaction.msgs)
-    messages: list[Message] = [
-        (m.addr, m.flags, m.len if m.flags & READ else ctypes.string_at(m.buf, m.len)) for m in raw
-    ]
-    for message, answer in zip(raw, device.transfer(messages), strict=True):
-        if answer:
-            ctypes.memmove(message.buf, answer, len(answer))
-    return len(raw)

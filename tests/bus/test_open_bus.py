@@ -7,9 +7,10 @@ from importlib.metadata import EntryPoint, EntryPoints
 from pathlib import Path
 
 import pytest
-from i2c_dev import I2CDev
+from i2c_dev import kernel_with
 
 from hw_fakes import FakeBus
+from hw_fakes.i2c_adapter import Adapter
 from quavelet.bus.open import GROUP, open_bus
 from quavelet.core.clock import VirtualClock
 from quavelet.core.errors import BusPermission, DeviceMissing, SettingsError
@@ -34,7 +35,7 @@ from quavelet.core.errors import BusPermission, DeviceMissing, SettingsError
     ],
 )
 def test_a_name_that_is_no_bus_is_quoted_and_the_right_ones_are_shown(name: str, hint: str) -> None:
-    with I2CDev({"/dev/i2c-1": {}}).installed() as kernel, pytest.raises(SettingsError) as caught:
+    with kernel_with({"/dev/i2c-1": Adapter()}) as kernel, pytest.raises(SettingsError) as caught:
         open_bus(name, clock=VirtualClock())
     assert f"'{name}'" in str(caught.value)
     assert hint in str(caught.value)
@@ -46,7 +47,7 @@ def test_a_missing_or_forbidden_bus_never_becomes_the_fake(
     number: int, kind: type[Exception], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(FakeBus, "__init__", lambda *_, **__: pytest.fail("the fake was made"))
-    with I2CDev({"/dev/i2c-1": number}).installed(), pytest.raises(kind, match="/dev/i2c-1"):
+    with kernel_with({"/dev/i2c-1": number}), pytest.raises(kind, match="/dev/i2c-1"):
         open_bus("linux:1", clock=VirtualClock())
 
 

@@ -7,9 +7,11 @@ from collections.abc import Iterator
 
 import pytest
 from bus_contract import HERE, BusContract, Counter
-from i2c_dev import I2CDev
+from i2c_dev import kernel_with
 
 from hw_fakes import FakeBus, FakeMpu6050, ScriptedBus, Write
+from hw_fakes.i2c_adapter import Adapter
+from hw_fakes.in_process import PatchedKernel
 from quavelet.bus.faults import bus_error
 from quavelet.bus.linux import LinuxI2CBus
 from quavelet.bus.open import open_bus
@@ -25,19 +27,20 @@ class TestLinux(BusContract):
     NACK = errno.EREMOTEIO
 
     @pytest.fixture
-    def kernel(self) -> Iterator[I2CDev]:
-        with I2CDev({"/dev/i2c-1": {HERE: FakeMpu6050(VirtualClock())}}, nack_errno=self.NACK).installed() as kernel:
+    def kernel(self) -> Iterator[PatchedKernel]:
+        adapter = Adapter({HERE: FakeMpu6050(VirtualClock())}, nack_errno=self.NACK)
+        with kernel_with({"/dev/i2c-1": adapter}) as kernel:
             yield kernel
 
     @pytest.fixture
-    def bus(self, kernel: I2CDev) -> Iterator[I2CBus]:
+    def bus(self, kernel: PatchedKernel) -> Iterator[I2CBus]:
         with open_bus("linux:1", clock=VirtualClock()) as bus:
             assert isinstance(bus, LinuxI2CBus)
             assert len(kernel.open_files) == 1
             yield bus
 
     @pytest.fixture
-    def transactions(self, kernel: I2CDev) -> Counter:
+    def transactions(self, kernel: PatchedKernel) -> Counter:
         return lambda: len(kernel.transactions)
 
 
