@@ -35,6 +35,20 @@ _ACCEL = (
     (1.0, 15.9207),  # 10
     (1.0, 31.8336),  # 5
 )
+# Of the 6500 class, by DLPF_CFG and at 8 and 9 by FCHOICE_B (RM9250 register 26); at 7 three taps meet both figures.
+_OWN_GYRO = (
+    (3.422, 2.4139),  # 250  0.97, at 8 kHz
+    (22.450, 0.1516),  # 184  2.9
+    (8.977, 0.4902),  # 92  3.9
+    (3.548, 1.8034),  # 41  5.9
+    (2.093, 4.9785),  # 20  9.9
+    (1.522, 12.0718),  # 10  17.85
+    (1.216, 27.9594),  # 5  33.48
+    (0.0, 0.0),  # 3600  0.17, at 8 kHz
+    (21.851, 0.1153),  # 8800  0.064, at 32 kHz
+    (11.284, 0.3563),  # 3600  0.11, at 32 kHz
+)
+_THREE_TAPS = np.array([-0.1027, 0.8454, 0.2573])
 # Of the 6500 class, by A_DLPF_CFG (RM9250 register 29); its delays at 5 and 6 are those of one pole. Setting 7, 420 Hz,
 # is taken as no filter, since samples come at 1 kHz.
 _OWN_ACCEL = (
@@ -47,16 +61,22 @@ _OWN_ACCEL = (
     (1.0, 31.5184),  # 5.05  32.48
     (1.0, 0.05),
 )
+_OWN = {"own gyro": _OWN_GYRO, "own accel": _OWN_ACCEL}
 
 
 @lru_cache(maxsize=32)
 def taps(sensor: str, setting: int) -> NDArray[np.float64]:
-    """The impulse response of "gyro", "accel" or "own accel" at a setting 0 to 7, newest sample first, sum 1.
+    """The impulse response of "gyro", "accel", "own gyro", "own accel" or "none", newest sample first, sum 1.
 
-    At settings 0 and 7 the gyroscope's is for 8 kHz; all others are for 1 kHz. 7 is taken as 0 but for "own accel".
+    At settings 0 and 7 a gyroscope's is for 8 kHz, at 8 and 9, which only "own gyro" has, for 32 kHz; all others are
+    for 1 kHz. "gyro" and "accel" take 7, which is reserved, as 0.
     """
-    if sensor == "own accel":
-        shape, scale = _OWN_ACCEL[setting]
+    if sensor == "none":
+        return np.ones(1)
+    if sensor == "own gyro" and setting == 7:
+        return _THREE_TAPS
+    if sensor in _OWN:
+        shape, scale = _OWN[sensor][setting]
     else:
         shape, scale = (_GYRO if sensor == "gyro" else _ACCEL)[setting % 7]
     n = np.arange(max(8, ceil((shape + 16) * scale))) + 0.5

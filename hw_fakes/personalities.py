@@ -10,6 +10,17 @@ from numpy.typing import NDArray
 
 from hw_fakes import registers as reg
 
+# What a write to a register of the 6500 class keeps, where it is not what the MPU-6050 keeps (RM9250 3).
+_STICKS_6500 = {
+    reg.CONFIG: 0x7F,
+    reg.GYRO_CONFIG: 0xFB,
+    reg.ACCEL_CONFIG: 0xF8,
+    reg.LP_ACCEL_ODR: 0x0F,
+    reg.INT_ENABLE: 0x59,
+    reg.ACCEL_INTEL_CTRL: 0xC0,
+    reg.PWR_MGMT_1: 0x7F,
+    reg.PWR_MGMT_2: 0x3F,
+}
 _RELATIVE_CODES = (0xA0, 0x90, 0xB0, 0xA8, 0x98, 0xB8)
 
 
@@ -38,7 +49,8 @@ class Personality:
     self_test_codes: tuple[int, ...] = reg.SELF_TEST_CODES
 
     @property
-    def own_accel_filter(self) -> bool:
+    def class_6500(self) -> bool:
+        """It is one of those that have filters of their own for the two sensors, and wake on motion."""
         return self.accel_filter != reg.CONFIG
 
     def power_up_registers(self, accel_trim: tuple[int, int, int], self_test_codes: tuple[int, ...]) -> bytes:
@@ -50,6 +62,11 @@ class Personality:
         for address, code in zip(self.self_test, self_test_codes, strict=True):
             registers[address] = code
         return bytes(registers)
+
+    def sticks(self, register: int) -> int:
+        """The bits of a byte written to `register` that are kept."""
+        kept = reg.REGISTERS[register].sticks
+        return _STICKS_6500.get(register, kept) if self.class_6500 else kept
 
     def fifo_size(self, registers: bytes | bytearray) -> int:
         return self.fifo_bytes[registers[self.accel_filter] >> 6 if len(self.fifo_bytes) > 1 else 0]

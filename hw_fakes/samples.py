@@ -43,7 +43,7 @@ class Run:
 
     @property
     def chunk(self) -> int:
-        """Samples that are computed together: some 4000 ticks, or a second's, and whole periods of the accelerometer."""
+        """Samples that are computed together: some 4000 ticks or a second's, and whole ones of the accelerometer."""
         return 8 * max(1, max(4096, self.nominal_hz) // 8 // self.divider)
 
 

@@ -24,9 +24,11 @@ class MotionSource:
 
     What each sensor feels at each tick, its errors and white noise go through the low-pass filter, then are decimated,
     brought to the range, rounded and clipped. The gyroscope ticks at 1, 8 or 32 kHz, the accelerometer always at 1 kHz
-    (RM register 25). Woken for single samples, the chip has no time to filter: each is one tick as it is, and the
-    gyroscope's, though a real one would still be starting, is not disturbed. The filter's past is that of the motion at the present setting: changing a setting, or self-test,
+    (RM register 25). The filter's past is that of the motion at the present setting: changing a setting, or self-test,
     shows no transient. Noise is a function of seed, run and chunk, so it does not depend on who reads when.
+
+    A chip that wakes for single samples has no time to filter: a sample is one tick as it is, with the noise of all the
+    500 Hz that a tick of 1 kHz has room for. The gyroscope is taken to be settled at once, which a real one is not.
     """
 
     def __init__(

@@ -125,13 +125,13 @@ def test_self_test_of_the_6500_class_gives_the_response_of_its_own_formula(make_
 
 
 class Shaken:
-    """A pure tone of 1 g in accelerometer x."""
+    """A pure tone of 1 g in accelerometer x and of 200 deg/s in gyroscope x."""
 
     def __init__(self, hz):
         self.hz = hz
 
     def rate_rad_s(self, t_s):
-        return np.zeros((len(t_s), 3))
+        return np.outer(np.sin(2 * np.pi * self.hz * t_s), [np.radians(200), 0, 0])
 
     def specific_force_m_s2(self, t_s):
         return np.outer(np.sin(2 * np.pi * self.hz * t_s), [STANDARD_GRAVITY_M_S2, 0, 0])
@@ -141,14 +141,102 @@ class Shaken:
 
 
 def gain(make_board, chip, hz, *, config, own):
+    return response(make_board, chip, hz, config=config, own=own, mask=0x08)[0]
+
+
+def response(make_board, chip, hz, *, mask, config=0, own=0, gyro=0, seconds=4.0):
+    """Gain, and delay in ms, of the first word in the FIFO at a frequency."""
     board = make_board(personality=chip, motion=Shaken(hz), imperfections=PERFECT)
-    board.wake(dlpf=config)
+    board.wake(dlpf=config, gyro=gyro)
     board.wr(0x1D, own)
-    board.start_fifo(0x08)
-    x = board.collect(4, words=3)[500:, 0]
-    t_s = np.arange(len(x)) * 1e-3
+    board.start_fifo(mask)
+    run = board.chip.run
+    taken = run.samples_by(board.clock.now_ns())
+    first = taken - board.fifo_count() // (6 if mask == 0x08 else 2)
+    # 32 kHz is more than the bus carries, so the FIFO is read on no wire, in no time.
+    data = b""
+    for _ in range(round(seconds * 1e9 / (60 * run.period_ns))):
+        board.wait_ms(60 * run.period_ns * 1e-6)
+        board.chip.write(b"\x74")
+        data += board.chip.read(len(board.chip.fifo))
+        board.chip.stop()
+    x = np.frombuffer(data, dtype=">i2")[:: 3 if mask == 0x08 else 1].astype(float)
+    t_s = (run.start_ns + (first + 1 + np.arange(len(x))) * run.period_ns) * 1e-9
+    settled = min(500, len(x) // 4)
     basis = np.column_stack([np.sin(2 * np.pi * hz * t_s), np.cos(2 * np.pi * hz * t_s)])
-    return np.hypot(*np.linalg.lstsq(basis, x, rcond=None)[0]) / 16384
+    a, b = np.linalg.lstsq(basis[settled:], x[settled:], rcond=None)[0]
+    full = 16384 if mask == 0x08 else 200 * 131
+    return np.hypot(a, b) / full, -np.arctan2(b, a) / (2 * np.pi * hz) * 1e3
+
+
+# RM9250 registers 26 and 27: DLPF_CFG, FCHOICE_B, 3 dB bandwidth of the gyroscope, its delay ms and rate Hz.
+GYRO_6500 = [
+    (0, 0, 250, 0.97, 8000),
+    (1, 0, 184, 2.9, 1000),
+    (2, 0, 92, 3.9, 1000),
+    (3, 0, 41, 5.9, 1000),
+    (4, 0, 20, 9.9, 1000),
+    (5, 0, 10, 17.85, 1000),
+    (6, 0, 5, 33.48, 1000),
+    (7, 0, 3600, 0.17, 8000),
+    (3, 1, 8800, 0.064, 32000),
+    (3, 2, 3600, 0.11, 32000),
+    (3, 3, 8800, 0.064, 32000),
+]
+
+
+@pytest.mark.parametrize(("config", "fchoice_b", "hz", "delay_ms", "rate_hz"), GYRO_6500)
+def test_gyroscope_of_the_6500_class_has_the_bandwidth_delay_and_rate_of_its_own_table(
+    make_board, config, fchoice_b, hz, delay_ms, rate_hz
+):
+    def at(tone_hz):
+        how = {"mask": 0x40, "config": config, "own": 0x40, "gyro": fchoice_b}
+        return response(make_board, MPU9250, tone_hz, seconds=max(0.05, min(4.0, 20 / tone_hz)), **how)
+
+    low, high = at(hz * 0.95)[0], at(min(hz * 1.05, 0.49 * rate_hz))[0]
+    delay = at(hz / 20)[1]
+    print(
+        f"\n6500 class, CONFIG {config}, FCHOICE_B {fchoice_b}: gain {low:.3f} to {high:.3f} 5 % about {hz} Hz, ",
+        end="",
+    )
+    print(f"{delay:.3f} ms (data sheet {delay_ms})")
+    assert low > 0.5**0.5 > high
+    assert delay == pytest.approx(delay_ms, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("config", "gyro", "rate_hz"), [(1, 0, 100), (6, 0, 100), (0, 0, 8000), (7, 0, 8000), (1, 1, 32e3)]
+)
+def test_divider_of_the_6500_class_divides_1_khz_only(make_board, config, gyro, rate_hz):
+    board = make_board(personality=MPU6500)
+    board.wake(dlpf=config, div=9, gyro=gyro)
+    assert board.chip.true_rate_hz() == pytest.approx(rate_hz)
+
+
+def test_fchoice_b_is_reserved_in_the_older_chips(board):
+    board.wake(gyro=3)
+    assert board.byte(0x1B) == 0
+    assert board.chip.true_rate_hz() == pytest.approx(1000)
+
+
+@pytest.mark.parametrize("config", [0, 7])
+def test_slowest_accelerometer_filter_goes_with_the_fastest_gyroscope(make_board, config):
+    board = make_board(personality=MPU6500)
+    board.wake(dlpf=config, gyro=0x01 if config else 0)
+    board.wr(0x1D, 0x06)
+    board.wait_ms(50)
+    assert board.sensors()[2] == 16384
+
+
+def test_gyroscopes_of_the_6500_class_stand_by_together(make_board):
+    board = make_board(personality=MPU6500, imperfections=Imperfections(warm_temp_degc=60.0, warm_up_s=1.0))
+    board.wake(gyro=0xE0)
+    board.wait_ms(20)
+    held = board.sensors()[4:]
+    board.wr(0x6B, 0x11)
+    board.wr(0x1B, 0x00)
+    board.wait_ms(20)
+    assert held.all() and np.array_equal(board.sensors()[4:], held)
 
 
 # RM9250 register 29: A_DLPF_CFG and its 3 dB bandwidth.
