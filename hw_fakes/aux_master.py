@@ -268,7 +268,8 @@ class AuxMaster:
         control, place = registers[SLV0_ADDR + 3 * n + 2], self._places()[n]
         if control & BYTE_SW:
             answer = _swapped(answer, registers[SLV0_ADDR + 3 * n + 1], odd_first=bool(control & GRP))
-        registers[place.start : place.stop] = answer[: len(place)]
+        kept = answer[: len(place)]
+        registers[place.start : place.start + len(kept)] = kept
 
 
 def _enabled(registers: bytes | bytearray, n: int) -> bool:

@@ -187,6 +187,18 @@ def test_slave_with_its_delay_bit_is_served_every_few_samples():
     assert bench.master.active(bench.registers)
 
 
+def test_slave_4_with_its_delay_bit_waits_for_its_turn():
+    bench = Bench()
+    bench.wr(0x67, 0x10)
+    bench.sample()
+    bench.slave_4(READ | CHIP, 0x42, control=EN | 3)
+    for _ in range(3):
+        bench.sample()
+        assert bench.registers[STATUS] == 0
+    bench.sample()
+    assert bench.registers[STATUS] == 0x40
+
+
 @pytest.mark.parametrize("n", range(4))
 @pytest.mark.parametrize("address", [NOBODY, CHIP])
 @pytest.mark.parametrize("direction", [0, READ])

@@ -36,6 +36,18 @@ def test_data_do_not_depend_on_how_often_one_looks(chip):
     assert read(1) == read(8) == read(1000)
 
 
+@pytest.mark.parametrize(("chip", "status"), [(Hmc5883l, 0x09), (Qmc5883l, 0x06), (Ak8963, 0x02)])
+def test_transaction_shows_what_was_there_when_it_began(chip, status):
+    bench = Bench(chip)
+    control, value, _ = START[chip]
+    bench.wr(control, value)
+    bench.chip.write(bytes([status]))
+    bench.wait_ms(100)
+    assert bench.chip.read(1) == b"\x00"
+    bench.chip.stop()
+    assert bench.byte(status) & 1
+
+
 @pytest.mark.parametrize("chip", list(CHIPS.values()), ids=list(CHIPS))
 def test_iron_and_mounting_are_seen_where_they_are_given(chip):
     mounting = ((0.0, -1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0))

@@ -78,6 +78,18 @@ def test_hmc5883l_first_measurement_after_a_change_of_gain_has_the_gain_before()
     assert np.all(np.abs(later - old * 230 / 1090) <= 1)
 
 
+def test_hmc5883l_gain_changed_twice_before_a_measurement_is_still_the_old_one_at_first():
+    bench = hmc_in_continuous_mode(config_a=0x18, config_b=0x20)
+    bench.wait_ms(200)
+    old = bench.words(0x03, ">i2")
+    bench.wr(0x01, 0xE0)
+    bench.wr(0x01, 0x60)
+    bench.wait_ms(14)
+    assert list(bench.words(0x03, ">i2")) == list(old)
+    bench.wait_ms(14)
+    assert np.all(np.abs(bench.words(0x03, ">i2") - old * 660 / 1090) <= 1)
+
+
 @pytest.mark.parametrize(("bits", "rate_hz"), [(0, 0.75), (1, 1.5), (2, 3), (3, 7.5), (4, 15), (5, 30), (6, 75)])
 def test_hmc5883l_measures_at_the_rate_that_is_set(bits, rate_hz):
     bench = hmc_in_continuous_mode(config_a=bits << 2)
@@ -102,6 +114,25 @@ def test_hmc5883l_single_measurement_ends_in_idle_after_6_ms():
     bench.rd(0x03, 6)
     assert bench.chip.measurements == count
     assert bench.byte(0x09) & 1 == 0
+
+
+def test_hmc5883l_is_not_ready_again_before_a_second_single_measurement_has_ended():
+    bench = Bench(Hmc5883l)
+    bench.wait_ms(60)
+    assert bench.byte(0x09) == 1
+    bench.wr(0x02, 0x01)
+    assert bench.byte(0x09) == 0
+    bench.wait_ms(7)
+    assert bench.byte(0x09) == 1
+
+
+@pytest.mark.parametrize(("register", "value"), [(0x00, 0x18), (0x02, 0x00)])
+def test_hmc5883l_data_are_released_by_writing_configuration_a_or_the_mode(register, value):
+    bench = hmc_in_continuous_mode()
+    bench.byte(0x03)
+    assert bench.byte(0x09) & 2
+    bench.wr(register, value)
+    assert bench.byte(0x09) & 2 == 0
 
 
 def test_hmc5883l_has_a_first_measurement_56_ms_after_power_up_and_zeros_before():
@@ -212,6 +243,26 @@ def test_qmc5883l_measures_at_the_rate_that_is_set_and_not_in_standby(bits, rate
     bench.wait_ms(1000)
     bench.byte(0x06)
     assert bench.chip.measurements == 10 * rate_hz
+
+
+def test_qmc5883l_change_of_range_does_not_disturb_the_rate():
+    bench = Bench(Qmc5883l)
+    bench.wr(0x09, 0x01)
+    for value in [0x11, 0x01] * 50:
+        bench.wait_ms(37)
+        bench.wr(0x09, value)
+    assert bench.chip.measurements == 37
+
+
+@pytest.mark.parametrize(("osr_bits", "factor"), [(0x00, 1), (0x40, 2**0.5), (0x80, 2), (0xC0, 8**0.5)])
+def test_qmc5883l_oversampling_quietens_it(osr_bits, factor):
+    bench = Bench(Qmc5883l, imperfections=MagnetometerImperfections(noise_ut=0.5, seed=3))
+    bench.wr(0x09, 0x0D | osr_bits)
+    words = []
+    for _ in range(400):
+        bench.wait_ms(5)
+        words.append(bench.words(0x00, "<i2"))
+    assert np.std(words, axis=0).mean() == pytest.approx(0.5 * 120 * factor, rel=0.1)
 
 
 def test_qmc5883l_data_ready_is_cleared_by_reading_data_not_by_reading_the_status():

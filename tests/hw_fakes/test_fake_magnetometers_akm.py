@@ -110,6 +110,18 @@ def test_ak8963_data_freeze_where_status_2_is_never_read():
     assert bench.rd(0x03, 7)[:6] != frozen
 
 
+def test_ak8963_data_are_released_by_setting_a_mode():
+    bench = Bench(Ak8963)
+    bench.wr(0x0A, 0x06)
+    bench.wait_ms(8)
+    bench.rd(0x03, 6)
+    bench.wr(0x0A, 0x00)
+    bench.wait_ms(1)
+    bench.wr(0x0A, 0x06)
+    bench.wait_ms(8)
+    assert bench.byte(0x02) == 1
+
+
 def test_ak8963_tells_of_skipped_data_and_of_data_lost_while_frozen():
     bench = Bench(Ak8963)
     bench.wr(0x0A, 0x06)
@@ -150,6 +162,17 @@ def test_ak8963_range_at_16_bits_is_32760():
     bench.wr(0x0A, 0x11)
     bench.wait_ms(8)
     assert list(bench.words(0x03, "<i2")[:2]) == [32760, -32760]
+
+
+def test_ak8975_is_not_ready_while_a_measurement_is_under_way():
+    bench = Bench(Ak8975)
+    bench.wr(0x0A, 0x01)
+    bench.wait_ms(8)
+    assert bench.byte(0x02) == 1
+    bench.wr(0x0A, 0x01)
+    assert bench.byte(0x02) == 0
+    bench.wait_ms(8)
+    assert bench.byte(0x02) == 1
 
 
 def test_ak8975_flags_data_read_during_a_measurement():
