@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import errno
 import os
+import threading
 from collections.abc import Mapping, Sequence
 from enum import IntEnum
+from typing import NoReturn
 
+from hw_fakes.faults import Faults
 from hw_fakes.target import Nack, Target
-from quavelet.core.clock import Clock, VirtualClock
+from quavelet.core.clock import Clock, MonotonicClock, VirtualClock
 from quavelet.core.units import NS_PER_S
 
 READ = 0x0001  # I2C_M_RD of linux/i2c.h, the only flag of a message this adapter has
@@ -41,6 +44,9 @@ class Adapter:
     targets     the chips by address; `attach` adds more, `detach` takes them off
     clock       where it is a virtual one, a transfer moves it on by the time it takes at `speed_hz`, at its end, so
                 that what happens meanwhile is seen by the next one
+    paced       a transfer takes its time on a real clock too; without, as long as it takes to compute
+    faults      what goes wrong, see `Faults`; nothing by itself
+    lock        held during a transfer; for who does something to the chips from another thread
     nack_errno  what a missing acknowledge is told as: EREMOTEIO (121) on a Raspberry Pi, ENXIO (6) on many others
     transfers   how many there were, also those that failed
     busy_ns     the time they took on the wire
@@ -56,8 +62,13 @@ class Adapter:
         clock: Clock | None = None,
         nack_errno: int = errno.EREMOTEIO,
         speed_hz: int = 400_000,
+        paced: bool = False,
     ) -> None:
         self.clock = clock
+        self.paced = paced
+        self._time: Clock = clock or MonotonicClock()
+        self.faults = Faults(self, clock=self._time)
+        self.lock = threading.RLock()
         self.nack_errno = nack_errno
         self.speed_hz = speed_hz
         self.transfers = 0
@@ -65,6 +76,7 @@ class Adapter:
         self.targets: dict[int, Target] = {}
         self._begun: dict[int, Target] = {}
         self._bits = 0
+        self._begun_ns = 0
         for address, target in (targets or {}).items():
             self.attach(address, target)
 
@@ -89,46 +101,75 @@ class Adapter:
         """
         if any(flags & ~READ for _, flags, _ in messages):
             raise os_error(errno.EOPNOTSUPP)
-        try:
-            return [self.message(address, flags, payload) for address, flags, payload in messages]
-        finally:
-            self.stop()
+        with self.lock:
+            try:
+                return [self._message(address, flags, payload) for address, flags, payload in messages]
+            finally:
+                self._stop()
 
     def message(self, address: int, flags: int, payload: bytes | int) -> bytes:
         """START or repeated START and one message: what it read, b"" of a write. `stop` ends the transaction.
 
         Raises OSError as `transfer`.
         """
+        with self.lock:
+            return self._message(address, flags, payload)
+
+    def stop(self) -> None:
+        """STOP: the transaction is over, and its time has passed."""
+        with self.lock:
+            self._stop()
+
+    def carry(self, target: Target, payload: bytes | int) -> bytes:
+        """The bytes of a message over the wires, after its address: what was read, b"" of a write."""
+        if isinstance(payload, int):
+            answer = target.read(payload)
+            self._bits += 9 * payload
+            return answer
+        target.write(payload)
+        self._bits += 9 * len(payload)
+        return b""
+
+    def not_taken(self) -> NoReturn:
+        """A byte of a write went over the wires, and is not acknowledged."""
+        self._bits += 9
+        raise Nack
+
+    def _message(self, address: int, flags: int, payload: bytes | int) -> bytes:
         if flags & ~READ:
             raise os_error(errno.EOPNOTSUPP)
+        if self.paced and not self._bits:
+            self._begun_ns = self._time.now_ns()
+        faults = self.faults if self.faults.busy else None
+        if faults:
+            faults.begin_transfer(address)
         self._bits += 1 + 9  # START and the address
+        if faults:
+            faults.refuse(address)
         target = self.targets.get(address)
         if target is None:
             raise os_error(self.nack_errno)
         self._begun[address] = target
         try:
-            if isinstance(payload, int):
-                answer = target.read(payload)
-                self._bits += 9 * payload
-            else:
-                answer = b""
-                target.write(payload)
-                self._bits += 9 * len(payload)
+            return faults.carry(address, target, payload) if faults else self.carry(target, payload)
         except Nack:
             raise os_error(self.nack_errno) from None
-        return answer
 
-    def stop(self) -> None:
-        """STOP: the transaction is over, and its time has passed."""
+    def _stop(self) -> None:
         for target in self._begun.values():
             target.stop()
         self._begun.clear()
         wire_ns = -(-(self._bits + 1) * NS_PER_S // self.speed_hz)
+        held_ns = self.faults.end_transfer(wire_ns) if self.faults.busy else 0
         self._bits = 0
         self.transfers += 1
-        self.busy_ns += wire_ns
+        self.busy_ns += wire_ns + held_ns
         if isinstance(self.clock, VirtualClock):
-            self.clock.advance_ns(wire_ns)
+            self.clock.advance_ns(wire_ns + held_ns)
+        elif self.paced:
+            self._time.sleep_until_ns(self._begun_ns + wire_ns + held_ns)
+        elif held_ns:
+            self._time.sleep_until_ns(self._time.now_ns() + held_ns)
 
     def smbus(self, address: int, *, read: bool, command: int, size: int, data: bytes) -> bytes:
         """An SMBus call, i2c_smbus_xfer_emulated of the kernel.
