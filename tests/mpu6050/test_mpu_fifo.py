@@ -16,6 +16,7 @@ from quavelet.core.units import NS_PER_MS
 from quavelet.mpu6050.drain import Verdict, judge
 
 PERIOD_NS = 5 * NS_PER_MS
+REASONS = Flag.OVERFLOW | Flag.MISALIGNED | Flag.BUS_ERROR | Flag.CHIP_UPSET | Flag.IMPLAUSIBLE
 
 
 def running(rate_hz: float = 200.0, *, warm_s: float = 3.0, every_ms: float = 10.0, **chip: object) -> Rig:
@@ -32,7 +33,7 @@ def assert_gap(rig: Rig, reason: Flag, *, gaps: int = 1) -> None:
     at = np.flatnonzero(got.flags & Flag.GAP)
     assert len(at) == gaps == rig.health.gaps
     lost = np.diff(numbers)[at - 1] - 1
-    assert (got.flags[at] & (Flag.OVERFLOW | Flag.MISALIGNED | Flag.BUS_ERROR) == reason).all()
+    assert (got.flags[at] & REASONS == reason).all()
     assert got.gap_ns[at] / rig.samples.run.period_ns == pytest.approx(lost, abs=2)
     assert not np.delete(got.gap_ns, at).any()
     assert abs(rig.health.samples_lost - lost.sum()) <= 2
@@ -127,21 +128,50 @@ def test_sensor_switched_off_behind_the_drivers_back_is_found_and_switched_on_ag
     rig = running()
     rig.wr(0x23, enabled)
     rig.run(0.5)
-    assert_gap(rig, Flag.MISALIGNED)
+    at = np.flatnonzero(rig.got.flags & Flag.GAP)
+    assert (rig.got.flags[at] & (Flag.MISALIGNED | Flag.CHIP_UPSET)).all() and len(at) >= 1
+    check_honest(rig)
     assert rig.chip.registers[0x23] == 0xF8
 
 
 @pytest.mark.parametrize("late", [False, True])
-@pytest.mark.parametrize("k", range(3))
-def test_failed_transfer_in_a_drain_is_a_gap_and_the_stream_stays_aligned(k, late):
+@pytest.mark.parametrize("k", range(2))
+def test_failed_look_at_the_fifo_costs_a_sample(k, late):
+    """Status and count may be read again: what waits in the FIFO waits on."""
     rig = running()
     begin = len(rig.bus.trace)
     rig.bus.spoil = lambda at, _t: at == begin + k
     rig.bus.late = late
     rig.drain(10)
     rig.run(0.5)
+    assert (np.diff(check_honest(rig)) == 1).all()
+    assert rig.health.bus_errors == rig.health.bus_retries == 1
+    assert rig.health.gaps == rig.health.fifo_resets == 0
+
+
+@pytest.mark.parametrize("late", [False, True])
+def test_failed_reading_of_frames_is_a_gap_and_the_stream_stays_aligned(late):
+    rig = running()
+    rig.bus.late = late
+    rig.bus.spoil = lambda _at, t: t.register == 0x74
+    rig.drain(10)
+    rig.bus.spoil = lambda _at, _t: False
+    rig.run(0.5)
     assert_gap(rig, Flag.BUS_ERROR)
     assert rig.health.bus_errors == 1
+    assert rig.health.bus_retries == 0
+
+
+def test_chip_that_does_not_acknowledge_the_reading_of_frames_is_asked_again():
+    """Nothing has left the FIFO then."""
+    rig = running()
+    spoilt: list[int] = []
+    rig.bus.errno = errno.EREMOTEIO
+    rig.bus.spoil = lambda at, t: t.register == 0x74 and len(spoilt) < 2 and not spoilt.append(at)
+    rig.drain(10)
+    rig.run(0.5)
+    assert (np.diff(check_honest(rig)) == 1).all()
+    assert rig.health.bus_retries == rig.health.bus_errors == 2
 
 
 @pytest.mark.parametrize("late", [False, True])
@@ -154,70 +184,65 @@ def test_failed_transfer_anywhere_in_the_restart_of_the_fifo_is_survived_and_cou
     rig.drain(2000)
     assert len(rig.bus.trace) > begin + k
     rig.run(0.5)
-    assert_gap(rig, Flag.BUS_ERROR if k < 2 else Flag.OVERFLOW)
+    assert_gap(rig, Flag.OVERFLOW)
     assert rig.health.bus_errors == 1
 
 
+@pytest.mark.parametrize("length", [2, 3, 4, 6])
 @pytest.mark.parametrize("k", range(8))
-def test_two_failures_in_a_row_are_survived(k):
+def test_failures_in_a_row_are_survived(k, length):
     rig = running()
     begin = len(rig.bus.trace)
-    rig.bus.spoil = lambda at, _t: at in (begin + k, begin + k + 1)
+    rig.bus.spoil = lambda at, _t: begin + k <= at < begin + k + length
     rig.drain(10)
     rig.run(0.5)
     numbers = check_honest(rig)
     assert len(numbers) + rig.health.samples_lost == pytest.approx(rig.taken_now() - numbers[0], abs=3)
-    assert rig.health.bus_errors == 2
+    assert rig.health.bus_errors == length
 
 
-def test_lines_that_come_off_and_on_are_a_gap():
+def test_lines_that_come_off_for_less_than_the_fifo_holds_cost_a_sample():
     rig = running()
     rig.chip.unplug()
-    rig.run(0.05)
+    rig.run(0.08)
     rig.chip.plug()
     rig.run(0.5)
-    assert_gap(rig, Flag.BUS_ERROR)
+    assert (np.diff(check_honest(rig)) == 1).all()
+    assert rig.health.bus_errors > 10
 
 
-def test_lines_disturbed_for_a_second_and_a_half_are_a_gap_and_not_a_lost_device():
+@pytest.mark.parametrize("off_s", [0.3, 1.5, 5.0, 9.0])
+def test_lines_disturbed_for_seconds_are_a_gap_and_not_a_lost_device(off_s):
     """A motor that starts: with most libraries it is errno 121 and the end of the program."""
     rig = running()
     rig.chip.unplug()
-    rig.run(1.5)
+    rig.run(off_s)
     rig.chip.plug()
-    rig.run(0.5)
-    assert_gap(rig, Flag.BUS_ERROR)
+    begin_ns = rig.clock.now_ns()
+    rig.run(0.7)
+    assert_gap(rig, Flag.CHIP_UPSET)
+    assert rig.health.outages == rig.health.chip_restarts == 1
+    back_ns = rig.got.t_ns[rig.got.t_ns > begin_ns][0] - begin_ns
+    assert back_ns < 500 * NS_PER_MS
 
 
-def test_lines_that_stay_off_are_a_lost_device_after_two_seconds():
+def test_lines_that_stay_off_are_a_lost_device_after_ten_seconds():
     rig = running()
     rig.chip.unplug()
     begin_ns = rig.clock.now_ns()
-    with pytest.raises(DeviceLost, match=r"0x68.*fake:rig.*not answered for 2 s") as caught:
-        rig.run(3.0)
+    with pytest.raises(DeviceLost, match=r"0x68.*fake:rig.*nothing for 10 s.*wiring") as caught:
+        rig.run(13.0)
     assert isinstance(caught.value.__cause__, OSError) and caught.value.__cause__.errno == errno.EREMOTEIO
-    assert rig.clock.now_ns() - begin_ns < 2_100 * NS_PER_MS
+    assert rig.clock.now_ns() - begin_ns < 10_100 * NS_PER_MS
 
 
 def test_one_good_drain_in_two_keeps_the_chip():
     rig = running()
     rig.bus.spoil = lambda _k, transfer: transfer.register == 0x72 and len(rig.blocks) % 2 == 0
     rig.run(3.0)
-    check_honest(rig)
+    assert (np.diff(check_honest(rig)) == 1).all()
     assert rig.health.bus_errors > 100
-
-
-def test_supply_that_failed_for_a_moment_is_a_lost_device_not_silence_for_ever():
-    """After a brown-out the chip sleeps at power-up values: it answers, its FIFO is empty, and stays so."""
-    rig = running()
-    rig.chip.power_cut()
-    begin_ns = rig.clock.now_ns()
-    with pytest.raises(DeviceLost, match=r"taken no sample.*supply"):
-        rig.run(10.0)
-    assert rig.clock.now_ns() - begin_ns < 2_000 * NS_PER_MS
-    rig.source = rig.new_source()
-    rig.start().run(0.2)
-    assert len(rig.blocks[-1]) == 2
+    assert rig.health.chip_restarts == 0
 
 
 @pytest.mark.parametrize(("rate_hz", "every_ms"), [(1000 / 256, 5.0), (1000 / 256, 1500.0), (50.0, 2.0)])
@@ -231,12 +256,11 @@ def test_slow_stream_is_not_taken_for_a_dead_chip(rate_hz, every_ms):
 @pytest.mark.parametrize("frames", [1, 10, 60])
 def test_one_transaction_takes_all_frames(frames):
     rig = running(1000.0, warm_s=0.2, pll_error=0.0)
-    rig.drain()
-    before, begin = rig.fake_bus.transactions, len(rig.bus.trace)
+    begin = len(rig.bus.trace)
     block = rig.drain(frames)
-    assert len(block) == pytest.approx(frames, abs=1)
-    assert rig.fake_bus.transactions - before == 3
-    assert [(t.register, t.n) for t in rig.bus.trace[begin:]] == [(0x3A, 1), (0x72, 2), (0x74, 14 * len(block))]
+    assert frames <= len(block) <= frames + 5  # the chip goes on while the registers are looked at
+    drain = [(t.register, t.n) for t in rig.bus.trace[begin:] if t.register in (0x3A, 0x72, 0x74)]
+    assert drain == [(0x3A, 1), (0x72, 2), (0x74, 14 * len(block))]
 
 
 def test_empty_drain_reads_no_frames():
@@ -245,5 +269,5 @@ def test_empty_drain_reads_no_frames():
     rig.drain(10)
     begin = len(rig.bus.trace)
     assert len(rig.drain()) == 0
-    assert [t.register for t in rig.bus.trace[begin:]] == [0x3A, 0x72]
+    assert 0x74 not in [t.register for t in rig.bus.trace[begin:]]
     assert rig.health.fifo_empty >= 1

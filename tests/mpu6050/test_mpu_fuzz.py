@@ -47,7 +47,7 @@ class Storm:
             self.plug_at_ns = None
         if self.plug_at_ns is None and self.happens("unplugged"):
             self.rig.chip.unplug()
-            for_ms = 3000.0 if self.rng.random() < 0.05 else self.rng.uniform(0, 100)
+            for_ms = 12_000.0 if self.rng.random() < 0.05 else self.rng.uniform(0, 100)
             self.plug_at_ns = now_ns + int(for_ms * NS_PER_MS)
 
 
@@ -82,4 +82,4 @@ def test_storm_of_faults_gives_no_wrong_frame_no_unsaid_gap_and_no_foreign_excep
     print(f"{samples} samples in {len(streams)} streams, {lost} lost devices, faults {storm.faults}, {rig.health}")
     assert samples > DRAINS  # it went on giving data throughout
     assert lost > 0
-    assert min(storm.faults.values()) > 100
+    assert min(storm.faults.values()) > 50

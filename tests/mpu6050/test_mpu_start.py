@@ -30,6 +30,14 @@ def change(register: int, before: int, after: int) -> list[Write | WriteRead]:
     return [read(register, f"{before:02x}"), write(register, after)]
 
 
+HELD = [
+    read(register, answer)
+    for register, answer in zip(
+        [0x6B, 0x6C, 0x1A, 0x1B, 0x1C, 0x19, 0x6A, 0x23, 0x37, 0x38],
+        ["01", "00", "03", "08", "08", "04", "00", "00", "ee", "10"],
+        strict=True,
+    )
+]
 START_UP: list[Write | WriteRead] = [
     read(0x75, "68"),
     write(0x6B, 0x80),
@@ -46,14 +54,8 @@ START_UP: list[Write | WriteRead] = [
     *change(0x23, 0xFF, 0x00),
     *change(0x37, 0xFE, 0xEE),  # the pin's own settings stay
     *change(0x38, 0x01, 0x10),
-    *[
-        read(register, answer)
-        for register, answer in zip(
-            [0x6B, 0x6C, 0x1A, 0x1B, 0x1C, 0x19, 0x6A, 0x23, 0x37, 0x38],
-            ["01", "00", "03", "08", "08", "04", "00", "00", "ee", "10"],
-            strict=True,
-        )
-    ],
+    *HELD,
+    *HELD,
     read(0x75, "68"),
     read(0x1A, "03"),
     read(0x1B, "08"),
@@ -66,7 +68,7 @@ START_UP: list[Write | WriteRead] = [
     read(0x3A, "01"),
     write(0x23, 0xF8),
 ]
-FIRST_DRAIN = [read(0x3A, "01"), read(0x72, "00 1c"), read(0x74, "00" * 28)]
+FIRST_DRAIN = [read(0x3A, "01"), read(0x72, "00 1c"), read(0x74, bytes(range(14)).hex() * 2)]
 
 
 def test_start_up_is_these_transactions_and_no_others():
@@ -250,7 +252,7 @@ def test_chip_that_comes_out_of_reset_awake_is_no_surprise():
     rig.start()
     assert asked[0] == b"\x40"
     assert rig.health.chip_restarts == 0
-    assert len(asked) == 3  # after the reset, and writing and checking the configuration
+    assert len(asked) == 4  # after the reset, and writing the configuration and checking it twice
 
 
 def test_chip_that_never_leaves_reset_is_reset_each_second_and_called_unstable_after_five():

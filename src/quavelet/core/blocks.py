@@ -42,6 +42,12 @@ class Flag(IntFlag):
     """The gyroscope's bias is not measured yet: the board has not been still long enough."""
     SETTLING = 256
     """The attitude is not to be trusted yet (start while moving, or after a long gap)."""
+    CHIP_UPSET = 512
+    """The gap began with a chip that had lost its configuration or gave no samples, and was set up anew."""
+    IMPLAUSIBLE = 1024
+    """The gap began with frames that no sensor gives, which were thrown away."""
+    STUCK = 2048
+    """No axis has changed for so long that the chip is more likely stuck than still: real sensors have noise."""
 
     @classmethod
     def names(cls, value: int) -> list[str]:

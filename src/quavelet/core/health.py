@@ -30,12 +30,24 @@ class Health:
     """Resets because the FIFO did not hold whole frames."""
     fifo_resets: int = 0
     """All resets of the FIFO while streaming."""
+    frames_implausible: int = 0
+    """Frames thrown away, since no sensor gives such: a temperature that jumps, or all bytes alike."""
     bus_errors: int = 0
     """Failed transfers."""
+    bus_retries: int = 0
+    """Transfers repeated at once after a failed one."""
+    outages: int = 0
+    """Times transfers failed one drain after the other until the chip was reset for it."""
     chip_restarts: int = 0
     """Full resets of the chip after the first."""
     config_mismatches: int = 0
     """Configuration registers that did not read back as written."""
+    registers_upset: int = 0
+    """Configuration registers found changed while streaming, and written anew."""
+    starved: int = 0
+    """Times no sample came for much longer than one takes."""
+    stuck: int = 0
+    """Times no axis changed for so long that the chip was taken to be stuck."""
     slow_queries: int = 0
     """Count readings too slow to time the samples by."""
     rate_out_of_bounds: int = 0

@@ -9,7 +9,8 @@ import numpy as np
 from quavelet.core.blocks import CountArray, Flag, FlagArray, RawBlock, Scale
 from quavelet.core.health import Health
 from quavelet.core.units import NS_PER_S
-from quavelet.mpu6050.drain import Drain, Verdict, judge
+from quavelet.mpu6050.drain import Drain, Loss, Verdict, judge
+from quavelet.mpu6050.plausible import SAME_FRAMES, SAME_NS, first_implausible, same_as_before
 from quavelet.mpu6050.registers import FRAME_BYTES
 from quavelet.mpu6050.stream import StreamInfo
 from quavelet.mpu6050.timebase import TimeBase, TimeBaseState
@@ -18,8 +19,14 @@ _REASON: dict[Verdict, Flag] = {
     Verdict.OVERFLOW: Flag.GAP | Flag.OVERFLOW,
     Verdict.NEAR_FULL: Flag.GAP | Flag.OVERFLOW,
     Verdict.MISALIGNED: Flag.GAP | Flag.MISALIGNED,
-    Verdict.FAILED: Flag.GAP | Flag.BUS_ERROR,
 }
+_LOSS: dict[Loss, Flag] = {
+    Loss.TRANSFER: Flag.GAP | Flag.BUS_ERROR,
+    Loss.CHIP_RESET: Flag.GAP | Flag.CHIP_UPSET,
+    Loss.UPSET: Flag.GAP | Flag.CHIP_UPSET,
+    Loss.STARVED: Flag.GAP | Flag.CHIP_UPSET,
+}
+CLOSE_PERIODS = 0.15
 _INT16_ENDS = (-32768, 32767)
 
 
@@ -31,7 +38,9 @@ class DecoderState:
     last_ns      time of the last sample given out, -1 before the first
     pending      flags for the first sample after the gap, 0 where there is no gap
     next_seq     the drain number expected next
-    doubtful     `taken` was reckoned after a gap by a count read slowly; the next one that is not sets it right
+    doubtful     `taken` was reckoned after a gap by a count whose moment was vague; the next clear one sets it right
+    last_frame   the words of the last frame given out, empty before the first
+    alike        how many frames before it, one after the other, stood as it does on all six axes
     """
 
     timebase: TimeBaseState
@@ -40,17 +49,24 @@ class DecoderState:
     pending: int = 0
     next_seq: int = 0
     doubtful: bool = False
+    last_frame: tuple[int, ...] = ()
+    alike: int = 0
 
 
 class Decoder:
-    """Turns each `Drain` of one stream into a `RawBlock`, possibly empty."""
+    """Turns each `Drain` of one stream into a `RawBlock`, possibly empty.
+
+    must_restart  what is in the FIFO after the last drain is of no use: it has to be emptied
+    """
 
     def __init__(self, info: StreamInfo, *, health: Health) -> None:
         self.info = info
+        self.must_restart = False
         self._scale = info.scale
         self._fifo_bytes = info.variant.fifo_bytes
         self._health = health
         self._timebase = TimeBase(nominal_period_s=info.nominal_period_s)
+        self._stuck_after = max(SAME_FRAMES, round(SAME_NS / self._timebase.nominal_ns))
         self._s = DecoderState(timebase=self._timebase.state())
 
     def state(self) -> DecoderState:
@@ -65,10 +81,16 @@ class Decoder:
         """The chip's sample rate by the host's clock, None until it is measured."""
         return 1.0 / self._timebase.period_s if self._timebase.sure else None
 
+    @property
+    def stuck_s(self) -> float:
+        """For how long no axis has changed, if that is so long that the chip is taken to be stuck; else 0."""
+        alike = self._s.alike
+        return alike * self._timebase.period_s if alike >= self._stuck_after else 0.0
+
     def verdict(self, drain: Drain) -> Verdict:
         """What this drain says about the FIFO."""
-        if drain.failed:
-            return Verdict.FAILED
+        if drain.loss:
+            return Verdict.LOST
         return judge(drain.int_status, drain.fifo_count, fifo_bytes=self._fifo_bytes)
 
     def decode(self, drain: Drain) -> RawBlock:
@@ -79,24 +101,39 @@ class Decoder:
         self._s = replace(self._s, next_seq=drain.seq + 1)
         verdict = self.verdict(drain)
         self._count(verdict)
+        self.must_restart = verdict.must_reset
         if verdict.must_reset:
-            self._s = replace(self._s, pending=self._s.pending | _REASON[verdict])
+            self._s = replace(self._s, pending=self._s.pending | (_LOSS.get(drain.loss) or _REASON[verdict]))
         if verdict is Verdict.EMPTY and self._timebase.started and not (self._s.pending or self._s.doubtful):
             self._observe(self._s.taken, drain)
         if verdict is not Verdict.FRAMES:
             return empty_raw_block(self._scale)
         counts = np.frombuffer(drain.data, dtype=">i2").reshape(-1, FRAME_BYTES // 2).astype(np.int16)
-        return self._timed(counts, drain)
+        # After a gap the temperature has nothing to compare with: a chip with a wrong one would be stopped for ever.
+        known = bool(self._s.last_frame) and not self._s.pending
+        good = first_implausible(counts, temp_before=self._s.last_frame[3] if known else None)
+        block = self._timed(counts[:good], drain, whole=good == len(counts)) if good else empty_raw_block(self._scale)
+        if good < len(counts):
+            self._health.frames_implausible += len(counts) - good
+            self._health.fifo_resets += 1
+            self._s = replace(self._s, pending=self._s.pending | Flag.GAP | Flag.IMPLAUSIBLE)
+            self.must_restart = True
+        return block
 
-    def _timed(self, counts: CountArray, drain: Drain) -> RawBlock:
+    def _timed(self, counts: CountArray, drain: Drain, *, whole: bool) -> RawBlock:
         s, base, n = self._s, self._timebase, len(counts)
         flags = clip_flags(counts)
         gap_ns = np.zeros(n, dtype=np.int64)
         taken = s.taken
+        reckoned = base.number_at((drain.before_ns + drain.after_ns) // 2) if base.started else 0.5
+        # Close to the moment of a sample nobody knows whether it had been taken.
+        close = abs(reckoned - round(reckoned)) < CLOSE_PERIODS
         slow = base.is_slow(drain.before_ns, drain.after_ns)
-        doubtful = slow and (s.doubtful or bool(s.pending))
-        if base.started and (s.pending or (s.doubtful and not slow)):
-            missing = base.number_at((drain.before_ns + drain.after_ns) // 2) - (taken + n)
+        vague = close or slow or not whole
+        doubtful = vague and (s.doubtful or bool(s.pending))
+        if base.started and (s.pending or (s.doubtful and not vague)):
+            waiting = drain.fifo_count // FRAME_BYTES
+            missing = int(reckoned) - (taken + waiting)
             lost = max(0, missing) if s.pending else missing
             taken += lost
             self._health.samples_lost += lost
@@ -107,14 +144,24 @@ class Decoder:
             self._health.gaps += 1
         first = taken + 1
         taken += n
-        self._observe(taken, drain)
+        if slow or not vague or not doubtful:
+            self._observe(taken, drain)
         if not base.sure:
             flags |= np.uint32(Flag.CLOCK_UNSURE)
+        alike = self._flag_stuck(counts, flags)
         # A new fit may move the line back by less than a period; times stay strictly increasing.
         start_ns = max(base.time_ns(first), s.last_ns + 1)
         step_ns = max(base.period_s * NS_PER_S, 1.0)
         t_ns = start_ns + np.round(np.arange(n) * step_ns).astype(np.int64)
-        self._s = replace(s, taken=taken, last_ns=int(t_ns[-1]), pending=0, doubtful=doubtful)
+        self._s = replace(
+            s,
+            taken=taken,
+            last_ns=int(t_ns[-1]),
+            pending=0,
+            doubtful=doubtful,
+            last_frame=tuple(counts[-1].tolist()),
+            alike=alike,
+        )
         self._health.samples += n
         return RawBlock(
             t_ns=t_ns,
@@ -124,6 +171,16 @@ class Decoder:
             counts=counts,
             scale=self._scale,
         )
+
+    def _flag_stuck(self, counts: CountArray, flags: FlagArray) -> int:
+        """Flag the frames from which on the chip is taken to be stuck; how many were alike up to the last one."""
+        alike = self._s.alike
+        for row, same in enumerate(same_as_before(counts, self._s.last_frame)):
+            alike = alike + 1 if same else 0
+            if alike >= self._stuck_after:
+                flags[row] |= np.uint32(Flag.STUCK)
+                self._health.stuck += alike == self._stuck_after
+        return alike
 
     def _observe(self, taken: int, drain: Drain) -> None:
         """Tell the time base what was counted, unless nobody knows when."""
@@ -139,7 +196,6 @@ class Decoder:
         health.fifo_overflows += verdict is Verdict.OVERFLOW
         health.fifo_near_full += verdict is Verdict.NEAR_FULL
         health.fifo_misaligned += verdict is Verdict.MISALIGNED
-        health.bus_errors += verdict is Verdict.FAILED
         health.fifo_resets += verdict.must_reset
 
 

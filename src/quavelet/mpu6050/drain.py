@@ -3,12 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import Enum
+from enum import Enum, IntEnum
 
 from quavelet.mpu6050.registers import FIFO_OFLOW_INT, FRAME_BYTES
 
 GUARD_FRAMES = 3
 """Frames of room below which the FIFO is reset before it can overflow (as Linux's inv_mpu6050 does)."""
+
+
+class Loss(IntEnum):
+    """Why what was in the FIFO is gone; the numbers stand in recordings."""
+
+    NONE = 0
+    TRANSFER = 1
+    """A transfer failed, and how many bytes it took with it is unknown."""
+    CHIP_RESET = 2
+    """The chip was reset."""
+    UPSET = 3
+    """A configuration register had changed: frames may have been taken with another range or rate."""
+    STARVED = 4
+    """No sample had come for long; the FIFO was started anew."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,7 +35,7 @@ class Drain:
     int_status     INT_STATUS
     fifo_count     FIFO_COUNT
     data           the bytes taken from FIFO_R_W; whole frames, none where the verdict was to reset
-    failed         a transfer of this drain failed, nothing in it is to be believed
+    loss           other than NONE: nothing in this drain is to be believed, and the FIFO was emptied
     """
 
     seq: int
@@ -30,18 +44,18 @@ class Drain:
     int_status: int
     fifo_count: int
     data: bytes
-    failed: bool = False
+    loss: Loss = Loss.NONE
 
 
 class Verdict(Enum):
-    """What a drain's status and count say about the FIFO."""
+    """What a drain says about the FIFO."""
 
     FRAMES = "whole frames to read"
     EMPTY = "nothing to read"
     OVERFLOW = "overflowed: the head is in mid-frame, reset it"
     NEAR_FULL = "about to overflow, reset it"
     MISALIGNED = "not whole frames, reset it"
-    FAILED = "a transfer failed, how many bytes are gone is unknown: reset it"
+    LOST = "what was in it is gone, reset it"
 
     @property
     def must_reset(self) -> bool:

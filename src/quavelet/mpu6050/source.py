@@ -1,74 +1,47 @@
-"""The live source of raw blocks: a state machine on a clock that never sleeps in the middle of its work.
-
-    PROBE -> RESET -> WAIT_RESET -> WAKE -> CONFIGURE -> START -> STREAM
-               ^___________|___________________|  (after 1 s without success, five times at most)
-
-Each call of `read` does what is due and returns. The waits are those of the data sheet and of the
-drivers people trust; each stands beside its reason.
-"""
+"""The live source of raw blocks: it starts the chip, drains it, and brings it back from every trouble it can."""
 
 from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from enum import Enum
 
 from quavelet.bus.protocol import I2CBus
 from quavelet.core.blocks import RawBlock
 from quavelet.core.clock import Clock
-from quavelet.core.errors import BusError, ChipUnstable, DeviceLost
+from quavelet.core.errors import BusError, DeviceLost
 from quavelet.core.health import Health
 from quavelet.core.units import NS_PER_MS, NS_PER_S
-from quavelet.mpu6050 import registers as r
 from quavelet.mpu6050.access import RegisterAccess
 from quavelet.mpu6050.config import ChipConfig, configuration_table
 from quavelet.mpu6050.decoder import Decoder, empty_raw_block
-from quavelet.mpu6050.drain import Drain, Verdict
-from quavelet.mpu6050.registers import FRAME_BYTES
+from quavelet.mpu6050.drain import Drain, Loss, Verdict
+from quavelet.mpu6050.registers import FRAME_BYTES, INT_STATUS
+from quavelet.mpu6050.startup import StartUp, Step
 from quavelet.mpu6050.stream import StreamInfo, scale_for
-from quavelet.mpu6050.variants import MPU6050, identify
+from quavelet.mpu6050.variants import MPU6050
+from quavelet.mpu6050.watch import Finding, RegisterWatch
 
-RESET_WAIT_NS = 100 * NS_PER_MS
-"""RM p. 41: 100 ms after DEVICE_RESET."""
-POLL_NS = 10 * NS_PER_MS
-"""How often the chip is asked whether it is out of reset."""
-PLL_WAIT_NS = 10 * NS_PER_MS
-"""PS 6.6: the PLL settles within 10 ms."""
-SETTLE_WAIT_NS = 60 * NS_PER_MS
-"""PS 6.1: 30 ms for the gyroscope's zero to settle; the kernel's driver allows 60."""
-RETRY_NS = 100 * NS_PER_MS
-"""How often a configuration that does not hold is written again."""
-GIVE_UP_NS = NS_PER_S
-"""After this long in one try the chip is reset again."""
-MAX_TRIES = 5
-"""Resets before the chip is called unstable."""
-LOST_NS = 2 * NS_PER_S
-"""Without one good drain for this long the chip is called lost: a motor that starts disturbs the wires for less."""
-STARVED_NS = NS_PER_S
-"""An empty FIFO for this long is a chip that does not sample; at its slowest it takes a sample in 256 ms."""
+MAX_FAILURES = 10
+"""Drains that may fail, less those that succeed, before the chip is reset (as PX4's driver has it)."""
+FAILURE_NS = 10 * NS_PER_MS
+"""A loop that is faster than this counts no more failures."""
+STARVED_NS = 100 * NS_PER_MS
+"""No sample for so long, or for two periods where that is longer: the registers are looked at, then the FIFO is started
+anew; for twice as long, and the chip is reset."""
+STUCK_S = 1.0
+"""A chip whose axes do not change for so long is reset, once."""
+LOST_S = 10.0
+"""Without a good drain for this long the device is lost: plugs are put back in less."""
 
 log = logging.getLogger(__name__)
-
-
-class Step(Enum):
-    """What the source does next."""
-
-    PROBE = "asking who answers"
-    RESET = "resetting the chip"
-    WAIT_RESET = "waiting for the reset to end"
-    WAKE = "waking the chip"
-    CONFIGURE = "writing the configuration and reading it back"
-    START = "starting the FIFO"
-    STREAM = "streaming"
 
 
 class ChipSource:
     """A `BlockSource` on a live chip.
 
     on_stream is called with the `StreamInfo` before the first drain, on_drain with every drain: what a
-    recording needs. Errors: BusError while the chip is not yet known, WrongChip, ChipUnstable after five
-    resets in vain, DeviceLost when it streamed and then did not answer for two seconds, or answers and
-    takes no sample.
+    recording needs. Errors: BusError while the chip is not yet known, WrongChip, ChipUnstable where it does not
+    start, DeviceLost when it streamed and then gave nothing of use for `lost_s`, or was exchanged for another.
     """
 
     def __init__(
@@ -79,202 +52,225 @@ class ChipSource:
         config: ChipConfig,
         clock: Clock,
         health: Health,
+        lost_s: float = LOST_S,
         on_stream: Callable[[StreamInfo], None] | None = None,
         on_drain: Callable[[Drain], None] | None = None,
     ) -> None:
-        self._chip = RegisterAccess(bus, address=address)
+        self._chip = RegisterAccess(bus, address=address, clock=clock, health=health)
         self._table = configuration_table(config)
         self._clock = clock
         self._health = health
+        self._lost_ns = round(lost_s * NS_PER_S)
         self._on_stream = on_stream
         self._on_drain = on_drain
-        self._steps: dict[Step, Callable[[], None]] = {
-            Step.PROBE: self._probe,
-            Step.RESET: self._reset,
-            Step.WAIT_RESET: self._wait_reset,
-            Step.WAKE: self._wake,
-            Step.CONFIGURE: self._configure,
-            Step.START: self._start,
-        }
-        self.step = Step.PROBE
+        self._start_up = StartUp(self._chip, self._table, clock=clock, health=health)
+        self._watch: RegisterWatch | None = None
         self.decoder: Decoder | None = None
-        self._due_ns = clock.now_ns()
-        self._variant = MPU6050
-        self._try_since_ns = 0
-        self._tries = 0
-        self._failing_since_ns: int | None = None
         self._seq = 0
+        self._failures = 0
+        self._counted_ns = 0
+        self._good_ns = 0
         self._fed_ns = 0
+        self._starved_once = False
+        self._stuck_tried = False
         self._restart_due = False
+        self._disturbed: BusError | None = None
         self._nothing = empty_raw_block(scale_for(config.gyro_range_dps, config.accel_range_g, variant=MPU6050))
 
     @property
     def info(self) -> StreamInfo | None:
         """The chip as configured, None until it streams."""
-        return self.decoder.info if self.decoder else None
+        return self._start_up.info
+
+    @property
+    def step(self) -> Step:
+        """What is done next."""
+        return self._start_up.step
 
     @property
     def due_ns(self) -> int:
         """When the next step is due; a caller in no hurry may sleep until then."""
-        return self._due_ns
+        return self._start_up.due_ns
 
     def read(self) -> RawBlock:
         """Do what is due. Gives the samples of one drain, or no rows while the chip is not streaming."""
-        while self.step is not Step.STREAM:
-            if self._clock.now_ns() < self._due_ns:
+        while not self._start_up.streaming:
+            if self._clock.now_ns() < self.due_ns:
                 return self._nothing
             self._advance()
-        return self._drain(self._streaming_decoder())
+        drain = self._drain()
+        return self._nothing if drain is None else self._taken_in(drain)
 
     def wait_until_streaming(self) -> StreamInfo:
         """Go through the start-up, sleeping on the clock between the steps."""
-        while self.step is not Step.STREAM:
-            self._clock.sleep_until_ns(self._due_ns)
+        while not self._start_up.streaming:
+            self._clock.sleep_until_ns(self.due_ns)
             self._advance()
-        return self._streaming_decoder().info
+        assert self.info is not None, "a chip that streams is known"
+        return self.info
 
     def _advance(self) -> None:
-        step = self.step
+        self._start_up.advance()
+        if self._start_up.streaming:
+            self._begin_stream()
+        elif self.decoder is not None:
+            self._lose_if_late(self._start_up.reason or f"it is stuck while {self.step.value}")
+
+    def _begin_stream(self) -> None:
+        info, now_ns = self._start_up.info, self._clock.now_ns()
+        assert info is not None, "a chip that streams is known"
+        self._watch = RegisterWatch(
+            self._chip, self._table, who_am_i=info.who_am_i, since_ns=now_ns, health=self._health
+        )
+        self._fed_ns, self._failures, self._restart_due, self._starved_once = now_ns, 0, False, False
+        # A chip that was brought back goes on in the same stream: its samples are numbered on over the gap.
+        if self.decoder is None or self.decoder.info != info:
+            self.decoder = Decoder(info, health=self._health)
+            self._good_ns = now_ns
+            if self._on_stream:
+                self._on_stream(info)
+
+    def _drain(self) -> Drain | None:
+        """One look at the chip; None where a transfer failed that took nothing with it."""
+        if self._failures > MAX_FAILURES:
+            self._health.outages += 1
+            return self._bring_back(self._disturbed or "what is read from it cannot be")
         try:
-            self._steps[step]()
-        except BusError as error:
-            # Before the chip is known the user must hear at once; later it may be in its reset.
-            if step is Step.PROBE:
-                raise
-            self._health.bus_errors += 1
-            log.debug("%s: %s", step.value, error)
-            self._again(POLL_NS, error)
-
-    def _go(self, step: Step, wait_ns: int) -> None:
-        self.step = step
-        self._due_ns = self._clock.now_ns() + wait_ns
-
-    def _again(self, wait_ns: int, reason: object) -> None:
-        """The same step later, or a new reset when this try has lasted too long."""
-        if self._clock.now_ns() - self._try_since_ns < GIVE_UP_NS:
-            self._go(self.step, wait_ns)
-        elif self._tries < MAX_TRIES:
-            self._health.chip_restarts += 1
-            self._new_try()
-        else:
-            raise ChipUnstable(
-                f"the chip at 0x{self._chip.address:02x} did not start in {MAX_TRIES} tries, stuck while "
-                f"{self.step.value} ({reason}): check its supply voltage, then power it off and on"
-            )
-
-    def _probe(self) -> None:
-        # Reading comes before any write: a clock chip at this address must not be written to.
-        self._variant = identify(self._chip.read(r.WHO_AM_I), bus=self._chip.bus.name, address=self._chip.address)
-        self._new_try()
-
-    def _new_try(self) -> None:
-        self._tries += 1
-        self._try_since_ns = self._clock.now_ns()
-        self._go(Step.RESET, 0)
-
-    def _reset(self) -> None:
-        self._chip.write(r.PWR_MGMT_1, r.DEVICE_RESET.mask)
-        self._go(Step.WAIT_RESET, RESET_WAIT_NS)
-
-    def _wait_reset(self) -> None:
-        # A chip that is still in its reset may answer anything.
-        who_am_i = self._chip.read(r.WHO_AM_I)
-        if who_am_i != self._variant.who_am_i:
-            self._again(POLL_NS, f"WHO_AM_I reads 0x{who_am_i:02x} after reset")
-            return
-        power = self._chip.read(r.PWR_MGMT_1)
-        # SLEEP may come up either way, by the chip's one-time-programmed settings.
-        if (power ^ self._variant.pwr_mgmt_1_reset) & ~r.SLEEP.mask & 0xFF:
-            self._again(POLL_NS, f"PWR_MGMT_1 reads 0x{power:02x} after reset")
-            return
-        self._go(Step.WAKE, 0)
-
-    def _wake(self) -> None:
-        # Writes to other registers are ignored while the chip sleeps: wake first, on the PLL's clock.
-        self._chip.write(r.PWR_MGMT_1, r.CLKSEL.encode(r.CLOCK_PLL_GYRO_X))
-        self._go(Step.CONFIGURE, PLL_WAIT_NS)
-
-    def _configure(self) -> None:
-        for row in self._table:
-            self._chip.apply(row)
-        wrong = [row.register.name for row in self._table if not row.holds(self._chip.read(row.register))]
-        if wrong:
-            self._health.config_mismatches += len(wrong)
-            self._again(RETRY_NS, f"{', '.join(wrong)} did not read back as written")
-            return
-        self._go(Step.START, SETTLE_WAIT_NS)
-
-    def _start(self) -> None:
-        info = self._chip.stream_info()
-        self._chip.restart_fifo()
-        self.decoder = Decoder(info, health=self._health)
-        self._fed_ns = self._clock.now_ns()
-        if self._on_stream:
-            self._on_stream(info)
-        self._go(Step.STREAM, 0)
-
-    def _drain(self, decoder: Decoder) -> RawBlock:
-        drain = self._read_drain(decoder)
-        if self._on_drain:
-            self._on_drain(drain)
-        block = decoder.decode(drain)
-        if decoder.verdict(drain).must_reset:
-            self._restart_due = True
-            try:
-                self._restart_fifo_if_due()
-            except BusError as error:
-                self._health.bus_errors += 1  # no drain tells of it
-                self._fail(error)  # and the next drain begins with the restart
-        self._watch(drain)
-        return block
-
-    def _watch(self, drain: Drain) -> None:
-        """A chip that was without power for a moment sleeps at its power-up values: it answers, and is empty."""
-        if self._streaming_decoder().verdict(drain) is not Verdict.EMPTY:
-            self._fed_ns = drain.after_ns
-        elif drain.after_ns - self._fed_ns > STARVED_NS:
-            raise DeviceLost(
-                f"the chip at 0x{self._chip.address:02x} on {self._chip.bus.name} answers, but has taken no sample "
-                f"for {STARVED_NS / NS_PER_S:g} s: its supply failed for a moment, check it, then start again"
-            )
-
-    def _restart_fifo_if_due(self) -> None:
-        if self._restart_due:
-            self._chip.restart_fifo()
-            self._restart_due = False
-
-    def _read_drain(self, decoder: Decoder) -> Drain:
-        chip, clock, seq = self._chip, self._clock, self._seq
-        self._seq += 1
-        before = after = clock.now_ns()
-        try:
-            self._restart_fifo_if_due()
-            status = chip.read(r.INT_STATUS)
-            before = clock.now_ns()
-            count = chip.fifo_count()
-            after = clock.now_ns()
-            drain = Drain(seq, before, after, status, count, b"")
-            if decoder.verdict(drain) is Verdict.FRAMES:
-                # One transaction for all frames: whole ones only, since count is a multiple of a frame.
-                assert count % FRAME_BYTES == 0
-                drain = Drain(seq, before, after, status, count, chip.read_run(r.FIFO_R_W, count))
+            return self._looked()
         except BusError as error:
             self._fail(error)
-            return Drain(seq, before, after, 0, 0, b"", failed=True)
-        self._failing_since_ns = None
+            return None
+
+    def _looked(self) -> Drain:
+        assert self.decoder is not None and self._watch is not None, "made by _begin_stream"
+        chip, clock, decoder = self._chip, self._clock, self.decoder
+        if self._restart_due:
+            chip.restart_fifo()
+            self._restart_due = False
+        if self._watch.due(clock.now_ns()):
+            finding = self._watch.check_some(clock.now_ns())
+            if finding is not Finding.GOOD:
+                return self._mend(finding)
+        status = chip.read(INT_STATUS)
+        before, count, after = self._counted()
+        drain = self._new_drain(before, after, status, count)
+        if decoder.verdict(drain) is Verdict.MISALIGNED:
+            # Perhaps the count was disturbed on its way: another look costs less than the FIFO.
+            before, count, after = self._counted()
+            drain = self._new_drain(before, after, status, count)
+        if decoder.verdict(drain) is Verdict.EMPTY:
+            return self._hungry(drain)
+        if decoder.verdict(drain) is Verdict.FRAMES:
+            # One transaction for all frames: whole ones only, since count is a multiple of a frame.
+            assert count % FRAME_BYTES == 0
+            try:
+                return self._new_drain(before, after, status, count, chip.read_fifo(count))
+            except BusError as error:
+                self._fail(error)
+                return self._lost(Loss.TRANSFER)
         return drain
 
-    def _fail(self, error: BusError) -> None:
-        now_ns = self._clock.now_ns()
-        if self._failing_since_ns is None:
-            log.warning("%s", error)  # once an outage
-            self._failing_since_ns = now_ns
-        if now_ns - self._failing_since_ns > LOST_NS:
-            raise DeviceLost(
-                f"the chip at 0x{self._chip.address:02x} on {self._chip.bus.name} has not answered for "
-                f"{LOST_NS / NS_PER_S:g} s: check power and wiring, then start again"
-            ) from error
+    def _counted(self) -> tuple[int, int, int]:
+        before = self._clock.now_ns()
+        count = self._chip.fifo_count()
+        return before, count, self._clock.now_ns()
 
-    def _streaming_decoder(self) -> Decoder:
-        assert self.decoder is not None, "STREAM is reached by _start alone, which makes the decoder"
-        return self.decoder
+    def _mend(self, finding: Finding) -> Drain:
+        if finding is Finding.RESET:
+            return self._bring_back("its registers have changed")
+        return self._lost(Loss.UPSET)
+
+    def _hungry(self, drain: Drain) -> Drain:
+        """An empty FIFO, which is a sign of trouble if it lasts."""
+        assert self.info is not None and self._watch is not None, "made by _begin_stream"
+        patience_ns = max(STARVED_NS, round(2 * self.info.nominal_period_s * NS_PER_S))
+        empty_ns = drain.after_ns - self._fed_ns
+        if empty_ns > 2 * patience_ns:
+            return self._bring_back(f"it has taken no sample for {empty_ns / NS_PER_S:.1f} s")
+        if empty_ns > patience_ns and not self._starved_once:
+            self._starved_once = True
+            self._health.starved += 1
+            finding = self._watch.check_all()
+            return self._lost(Loss.STARVED) if finding is Finding.GOOD else self._mend(finding)
+        return drain
+
+    def _taken_in(self, drain: Drain) -> RawBlock:
+        assert self.decoder is not None, "made by _begin_stream"
+        self._seq += 1
+        if self._on_drain:
+            self._on_drain(drain)
+        block = self.decoder.decode(drain)
+        if not self.decoder.must_restart:
+            self._succeed(drain)
+        elif self._start_up.streaming:
+            self._restart(drain)
+        return block
+
+    def _restart(self, drain: Drain) -> None:
+        """The FIFO holds nothing of use: empty it, now or, where that fails, at the next drain."""
+        assert self.decoder is not None, "made by _begin_stream"
+        verdict = self.decoder.verdict(drain)
+        if verdict in (Verdict.OVERFLOW, Verdict.NEAR_FULL):
+            self._good_ns = drain.after_ns  # the chip does its work, the host was late
+        elif verdict is not Verdict.LOST:
+            self._count_failure()
+        if drain.loss is not Loss.STARVED:
+            self._fed_ns = drain.after_ns
+        self._restart_due = True
+        try:
+            self._chip.restart_fifo()
+            self._restart_due = False
+        except BusError as error:
+            self._fail(error)
+
+    def _succeed(self, drain: Drain) -> None:
+        assert self.decoder is not None, "made by _begin_stream"
+        self._failures = max(0, self._failures - 1)
+        self._disturbed = None
+        if drain.fifo_count:
+            self._good_ns = self._fed_ns = drain.after_ns
+            self._starved_once = False
+        else:
+            self._lose_if_late("it has taken no sample, its supply may have failed for a moment")
+        stuck_s = self.decoder.stuck_s
+        if stuck_s > STUCK_S and not self._stuck_tried:
+            self._stuck_tried = True
+            lost = self._bring_back(f"no axis has changed for {stuck_s:.1f} s")
+            self._taken_in(lost)
+        elif not stuck_s:
+            self._stuck_tried = False
+
+    def _fail(self, error: BusError) -> None:
+        if self._disturbed is None:
+            log.warning("%s", error)  # once an outage
+        self._disturbed = error
+        self._count_failure()
+        self._lose_if_late(error)
+
+    def _count_failure(self) -> None:
+        now_ns = self._clock.now_ns()
+        if now_ns - self._counted_ns >= FAILURE_NS:
+            self._counted_ns = now_ns
+            self._failures += 1
+
+    def _bring_back(self, reason: BusError | str) -> Drain:
+        log.warning("the chip at 0x%02x is reset: %s", self._chip.address, reason)
+        self._start_up.begin_again()
+        return self._lost(Loss.CHIP_RESET)
+
+    def _lose_if_late(self, reason: BusError | str) -> None:
+        silent_ns = self._clock.now_ns() - self._good_ns
+        if silent_ns > self._lost_ns:
+            raise DeviceLost(
+                f"the chip at 0x{self._chip.address:02x} on {self._chip.bus.name} has given nothing for "
+                f"{silent_ns / NS_PER_S:.0f} s: check power and wiring, then start again ({reason})"
+            ) from (reason if isinstance(reason, BusError) else None)
+
+    def _lost(self, loss: Loss) -> Drain:
+        now_ns = self._clock.now_ns()
+        return self._new_drain(now_ns, now_ns, 0, 0, loss=loss)
+
+    def _new_drain(
+        self, before_ns: int, after_ns: int, status: int, count: int, data: bytes = b"", *, loss: Loss = Loss.NONE
+    ) -> Drain:
+        return Drain(self._seq, before_ns, after_ns, status, count, data, loss)

@@ -124,11 +124,11 @@ class TimeBase:
         anchor_n, anchor_t_ns = self._anchor()
         return s.t0_ns + round(anchor_t_ns + (n - anchor_n - 0.5) * s.period_ns)
 
-    def number_at(self, at_ns: int) -> int:
-        """How many samples the chip had taken at this host time, by the present fit."""
+    def number_at(self, at_ns: int) -> float:
+        """How many samples the chip had taken at this host time, by the present fit, and what part of the next."""
         s = self._s
         anchor_n, anchor_t_ns = self._anchor()
-        return int((at_ns - s.t0_ns - anchor_t_ns) / s.period_ns + anchor_n + 0.5)
+        return (at_ns - s.t0_ns - anchor_t_ns) / s.period_ns + anchor_n + 0.5
 
     def _anchor(self) -> tuple[float, float]:
         """A sample number, and the time since `t0_ns` at which it was counted on average."""

@@ -22,6 +22,9 @@ class Variant:
 # Temperature: degC = raw/340 + 36.53 (RM p. 30). FIFO: 1024 bytes (PS 7.17).
 MPU6050 = Variant(0x68, "MPU-6050", 1024, 0x40, 1 / 340, 36.53)
 
+LINE_STUCK = (0x00, 0xFF)
+"""What every register reads while SDA is held low, or floats."""
+
 VARIANTS: dict[int, Variant] = {MPU6050.who_am_i: MPU6050}
 
 # What else is found at 0x68/0x69 or sold as an MPU-6050; told to the user, not driven.

@@ -6,7 +6,8 @@
     a record      marker 4 bytes | kind u8 | length u32 | CRC-32 u32 | payload of `length` bytes
     HEADER  1     JSON of `Header`: begins a stream. It stands twice, so that one damaged byte does not cost
                   the whole stream. A chip that was restarted begins another stream in the same file.
-    DRAIN   2     seq u64, before_ns i64, after_ns i64, int_status u8, fifo_count u16, failed u8, then `Drain.data`
+    DRAIN   2     seq u64, before_ns i64, after_ns i64, int_status u8, fifo_count u16, loss u8, then `Drain.data`;
+                  the number of a `Loss`, an unknown one is TRANSFER
     END     3     no payload: the recording was closed as it should be
     others        are skipped by a reader
 
@@ -27,7 +28,7 @@ from zlib import crc32
 
 import msgspec
 
-from quavelet.mpu6050.drain import Drain
+from quavelet.mpu6050.drain import Drain, Loss
 from quavelet.mpu6050.stream import StreamInfo
 
 SUFFIX = ".qrec"
@@ -100,16 +101,15 @@ def pack_record(kind: Kind, payload: bytes, *, crc: int) -> bytes:
 
 def pack_drain(drain: Drain) -> bytes:
     """A DRAIN's payload."""
-    head = _DRAIN.pack(
-        drain.seq, drain.before_ns, drain.after_ns, drain.int_status, drain.fifo_count, int(drain.failed)
-    )
+    head = _DRAIN.pack(drain.seq, drain.before_ns, drain.after_ns, drain.int_status, drain.fifo_count, drain.loss)
     return head + drain.data
 
 
 def unpack_drain(payload: bytes) -> Drain:
     """The drain of a DRAIN's payload."""
-    seq, before_ns, after_ns, int_status, fifo_count, failed = _DRAIN.unpack_from(payload)
-    return Drain(seq, before_ns, after_ns, int_status, fifo_count, payload[_DRAIN.size :], bool(failed))
+    seq, before_ns, after_ns, int_status, fifo_count, code = _DRAIN.unpack_from(payload)
+    loss = Loss(code) if code in Loss.__members__.values() else Loss.TRANSFER
+    return Drain(seq, before_ns, after_ns, int_status, fifo_count, payload[_DRAIN.size :], loss)
 
 
 def pack_header(header: Header) -> bytes:

@@ -1,0 +1,201 @@
+"""From whatever state to a running FIFO: a state machine that never sleeps in the middle of its work.
+
+    PROBE -> RESET -> WAIT_RESET -> WAKE -> CONFIGURE -> START -> STREAM
+               ^___________|___________________|  (after 1 s without success)
+
+The waits are those of the data sheet and of the drivers people trust; each stands beside its reason.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from enum import Enum
+
+from quavelet.core.clock import Clock
+from quavelet.core.errors import BusError, ChipUnstable, DeviceLost
+from quavelet.core.health import Health
+from quavelet.core.units import NS_PER_MS, NS_PER_S
+from quavelet.mpu6050 import registers as r
+from quavelet.mpu6050.access import RegisterAccess
+from quavelet.mpu6050.config import RegisterBits
+from quavelet.mpu6050.stream import StreamInfo
+from quavelet.mpu6050.variants import LINE_STUCK, MPU6050, Variant, identify
+
+RESET_WAIT_NS = 100 * NS_PER_MS
+"""RM p. 41: 100 ms after DEVICE_RESET."""
+POLL_NS = 10 * NS_PER_MS
+"""How often the chip is asked whether it is out of reset."""
+PLL_WAIT_NS = 10 * NS_PER_MS
+"""PS 6.6: the PLL settles within 10 ms."""
+SETTLE_WAIT_NS = 60 * NS_PER_MS
+"""PS 6.1: 30 ms for the gyroscope's zero to settle; the kernel's driver allows 60. Samples until then are not read."""
+RETRY_NS = 100 * NS_PER_MS
+"""How often a configuration that does not hold is written again."""
+GIVE_UP_NS = NS_PER_S
+"""After this long in one try the chip is reset again."""
+MAX_TRIES = 5
+"""Resets before a chip that never streamed is called unstable."""
+
+log = logging.getLogger(__name__)
+
+
+class Step(Enum):
+    """What is done next."""
+
+    PROBE = "asking who answers"
+    RESET = "resetting the chip"
+    WAIT_RESET = "waiting for the reset to end"
+    WAKE = "waking the chip"
+    CONFIGURE = "writing the configuration and reading it back"
+    START = "reading the configuration back once more and starting the FIFO"
+    STREAM = "streaming"
+
+
+class StartUp:
+    """Brings the chip to streaming, the first time and after every trouble.
+
+    step      what is done next; STREAM where all is done
+    due_ns    when
+    variant   which chip it is, once it is known
+    info      the chip as configured, None until it streams
+    reason    what the last step found wrong
+    """
+
+    def __init__(self, chip: RegisterAccess, table: tuple[RegisterBits, ...], *, clock: Clock, health: Health) -> None:
+        self.step = Step.PROBE
+        self.due_ns = clock.now_ns()
+        self.variant: Variant = MPU6050
+        self.info: StreamInfo | None = None
+        self.reason: BusError | str = ""
+        self._chip = chip
+        self._table = table
+        self._clock = clock
+        self._health = health
+        self._steps: dict[Step, Callable[[], None]] = {
+            Step.PROBE: self._probe,
+            Step.RESET: self._reset,
+            Step.WAIT_RESET: self._wait_reset,
+            Step.WAKE: self._wake,
+            Step.CONFIGURE: self._configure,
+            Step.START: self._start,
+        }
+        self._try_since_ns = 0
+        self._tries = 0
+
+    @property
+    def streaming(self) -> bool:
+        return self.step is Step.STREAM
+
+    def begin_again(self) -> None:
+        """The chip has streamed and must be brought back: it is reset and configured anew."""
+        self._health.chip_restarts += 1
+        self._go(Step.PROBE, 0)
+
+    def advance(self) -> None:
+        """Do the step that is due.
+
+        Raises BusError while the chip is not yet known, WrongChip, ChipUnstable after five resets in vain, and
+        DeviceLost where another chip answers than the one that streamed.
+        """
+        step = self.step
+        try:
+            self._steps[step]()
+        except BusError as error:
+            # Before the chip is known the user must hear at once; later it may be in its reset.
+            if self.info is None and step is Step.PROBE:
+                raise
+            log.debug("%s: %s", step.value, error)
+            self._again(POLL_NS, error)
+
+    def _go(self, step: Step, wait_ns: int) -> None:
+        self.step = step
+        self.due_ns = self._clock.now_ns() + wait_ns
+
+    def _again(self, wait_ns: int, reason: BusError | str) -> None:
+        """The same step later, or a new reset when this try has lasted too long."""
+        self.reason = reason
+        if self.step is Step.PROBE or self._clock.now_ns() - self._try_since_ns < GIVE_UP_NS:
+            self._go(self.step, wait_ns)
+        elif self.info is not None or self._tries < MAX_TRIES:
+            self._health.chip_restarts += 1
+            self._new_try()
+        else:
+            raise ChipUnstable(
+                f"the chip at 0x{self._chip.address:02x} did not start in {MAX_TRIES} tries, stuck while "
+                f"{self.step.value} ({reason}): check its supply voltage, then power it off and on"
+            )
+
+    def _probe(self) -> None:
+        # Reading comes before any write: a clock chip at this address must not be written to.
+        who_am_i = self._chip.read(r.WHO_AM_I)
+        if self.info is None:
+            self.variant = identify(who_am_i, bus=self._chip.bus.name, address=self._chip.address)
+        elif who_am_i in LINE_STUCK:
+            self._again(POLL_NS, f"WHO_AM_I reads 0x{who_am_i:02x}")
+            return
+        elif who_am_i != self.variant.who_am_i:
+            self._asked_again(who_am_i)
+            return
+        self._new_try()
+
+    def _asked_again(self, who_am_i: int) -> None:
+        if self._chip.read(r.WHO_AM_I) != who_am_i:
+            self._again(POLL_NS, f"WHO_AM_I reads 0x{who_am_i:02x}")
+            return
+        raise DeviceLost(
+            f"WHO_AM_I of address 0x{self._chip.address:02x} on {self._chip.bus.name} reads 0x{who_am_i:02x} where the "
+            f"{self.variant.name} read 0x{self.variant.who_am_i:02x}: the chip was exchanged, start again"
+        )
+
+    def _new_try(self) -> None:
+        self._tries += 1
+        self._try_since_ns = self._clock.now_ns()
+        self._go(Step.RESET, 0)
+
+    def _reset(self) -> None:
+        self._chip.write(r.PWR_MGMT_1, r.DEVICE_RESET.mask)
+        self._go(Step.WAIT_RESET, RESET_WAIT_NS)
+
+    def _wait_reset(self) -> None:
+        # A chip that is still in its reset may answer anything.
+        who_am_i = self._chip.read(r.WHO_AM_I)
+        if who_am_i != self.variant.who_am_i:
+            self._again(POLL_NS, f"WHO_AM_I reads 0x{who_am_i:02x} after reset")
+            return
+        power = self._chip.read(r.PWR_MGMT_1)
+        # SLEEP may come up either way, by the chip's one-time-programmed settings.
+        if (power ^ self.variant.pwr_mgmt_1_reset) & ~r.SLEEP.mask & 0xFF:
+            self._again(POLL_NS, f"PWR_MGMT_1 reads 0x{power:02x} after reset")
+            return
+        self._go(Step.WAKE, 0)
+
+    def _wake(self) -> None:
+        # Writes to other registers are ignored while the chip sleeps: wake first, on the PLL's clock.
+        self._chip.write(r.PWR_MGMT_1, r.CLKSEL.encode(r.CLOCK_PLL_GYRO_X))
+        self._go(Step.CONFIGURE, PLL_WAIT_NS)
+
+    def _configure(self) -> None:
+        for row in self._table:
+            self._chip.apply(row)
+        if self._holds():
+            self._go(Step.START, SETTLE_WAIT_NS)
+
+    def _holds(self) -> bool:
+        """Whether the configuration reads back as written; where it does not, it is written anew later."""
+        wrong = [row.register.name for row in self._table if not row.holds(self._chip.read(row.register))]
+        if wrong:
+            self._health.config_mismatches += len(wrong)
+            self.step = Step.CONFIGURE
+            self._again(RETRY_NS, f"{', '.join(wrong)} did not read back as written")
+        return not wrong
+
+    def _start(self) -> None:
+        # Much may happen while the gyroscope settles, and the scale of all samples hangs on these registers.
+        if not self._holds():
+            return
+        info = self._chip.stream_info()
+        self._chip.restart_fifo()
+        self.info = info
+        self._tries = 0
+        self._go(Step.STREAM, 0)

@@ -1,0 +1,87 @@
+"""The rolling check of the chip's registers: a supply that dips for a moment changes them without a word."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from enum import Enum
+
+from quavelet.core.health import Health
+from quavelet.core.units import NS_PER_MS
+from quavelet.mpu6050 import registers as r
+from quavelet.mpu6050.access import RegisterAccess
+from quavelet.mpu6050.config import RegisterBits
+
+CHECK_NS = 50 * NS_PER_MS
+"""What decides about rate, range, power and FIFO is looked at every 100 ms, the rest every 150 ms."""
+
+# Each check is two short bursts: one of the first two, one of the others.
+_FIRST: tuple[tuple[r.Register, ...], ...] = (
+    (r.SMPLRT_DIV, r.CONFIG, r.GYRO_CONFIG, r.ACCEL_CONFIG),
+    (r.USER_CTRL, r.PWR_MGMT_1, r.PWR_MGMT_2),
+)
+_OTHERS: tuple[tuple[r.Register, ...], ...] = ((r.FIFO_EN,), (r.INT_PIN_CFG, r.INT_ENABLE), (r.WHO_AM_I,))
+
+log = logging.getLogger(__name__)
+
+
+class Finding(Enum):
+    """What a check of the registers came to."""
+
+    GOOD = "all as written"
+    REWRITTEN = "one had changed and was written anew"
+    RESET = "the chip must be reset"
+
+
+class RegisterWatch:
+    """Compares the registers with what was written. Every method raises BusError."""
+
+    def __init__(
+        self, chip: RegisterAccess, table: Sequence[RegisterBits], *, who_am_i: int, since_ns: int, health: Health
+    ) -> None:
+        """`table` is the configuration, which held at `since_ns`; the running FIFO is added to it."""
+        self._chip = chip
+        self._health = health
+        rows = {row.register.address: row for row in table}
+        for row in (
+            RegisterBits(r.USER_CTRL, r.USER_FIFO_EN.mask, r.USER_DMP_EN.mask | r.USER_I2C_MST_EN.mask),
+            RegisterBits(r.FIFO_EN, r.FIFO_SENSORS.encode(r.FIFO_ACCEL_TEMP_GYRO), r.FIFO_SLAVES.mask),
+            RegisterBits(r.WHO_AM_I, who_am_i, ~who_am_i & 0xFF),
+        ):
+            rows[row.register.address] = row
+        self._rows = rows
+        self._turn = 0
+        self._due_ns = since_ns + CHECK_NS
+
+    def due(self, now_ns: int) -> bool:
+        return now_ns >= self._due_ns
+
+    def check_some(self, now_ns: int) -> Finding:
+        """The registers whose turn it is, and all the others where one of them has changed."""
+        self._due_ns = now_ns + CHECK_NS
+        runs = (_FIRST[self._turn % len(_FIRST)], _OTHERS[self._turn % len(_OTHERS)])
+        self._turn += 1
+        return self.check_all() if any(self._changed(run) for run in runs) else Finding.GOOD
+
+    def check_all(self) -> Finding:
+        """Every register; one that has changed is written anew, of more than one the chip has lost its setting."""
+        changed = [row for run in (*_FIRST, *_OTHERS) for row in self._changed(run)]
+        if not changed:
+            return Finding.GOOD
+        names = ", ".join(row.register.name for row in changed)
+        log.warning("the chip at 0x%02x has changed by itself: %s", self._chip.address, names)
+        self._health.registers_upset += len(changed)
+        row = changed[0]
+        if len(changed) > 1 or row.register in (r.PWR_MGMT_1, r.WHO_AM_I):
+            return Finding.RESET
+        self._chip.apply(row)
+        return Finding.REWRITTEN if row.holds(self._chip.read(row.register)) else Finding.RESET
+
+    def _changed(self, run: tuple[r.Register, ...]) -> list[RegisterBits]:
+        """The rows of this run that do not hold, looked at twice: the first look may have been disturbed."""
+        return self._unlike(run) and self._unlike(run)
+
+    def _unlike(self, run: tuple[r.Register, ...]) -> list[RegisterBits]:
+        read = self._chip.read_run(run[0], len(run))
+        pairs = ((self._rows[register.address], byte) for register, byte in zip(run, read, strict=True))
+        return [row for row, byte in pairs if not row.holds(byte)]
