@@ -9,6 +9,7 @@ from hw_fakes.fifo import Fifo
 from hw_fakes.imperfections import TYPICAL, Imperfections
 from hw_fakes.interrupt import Edge, IntPin
 from hw_fakes.motion import Motion, Still
+from hw_fakes.motion_detection import MotionRules, WakeOnMotion
 from hw_fakes.personalities import MPU6050, Personality
 from hw_fakes.samples import CountArray, Run, SampleSource
 from hw_fakes.sampling import Sampling
@@ -51,6 +52,7 @@ class FakeMpu6050:
         nack_in_reset: bool = False,
         source: SampleSource | None = None,
         personality: Personality = MPU6050,
+        motion_threshold_mg_lsb: float = 2.0,
     ) -> None:
         """A chip that is just powered up, lying `Still` where no motion is given.
 
@@ -61,6 +63,8 @@ class FakeMpu6050:
                                    with DEVICE_RESET still set, and forgets what is written
         source                     where the samples come from, in place of motion and imperfections
         personality                which chip of the family it is
+        motion_threshold_mg_lsb    what 1 in FF_THR, MOT_THR and ZRMOT_THR stands for. The register map before rev 4.2
+                                   says 2 mg, PS 6.2 says 32 mg: to be measured on the hardware
         """
         self.clock = clock
         self.birth_ns = clock.now_ns()
@@ -95,6 +99,7 @@ class FakeMpu6050:
             personality=personality,
             pll_error=pll_error,
             internal_error=internal_error,
+            rules=WakeOnMotion() if personality.class_6500 else MotionRules(g_lsb=motion_threshold_mg_lsb / 1000),
         )
         self._plugged = True
         self._reset_done_ns = 0
@@ -259,6 +264,8 @@ class FakeMpu6050:
         value = self.registers[register]
         if register == reg.INT_STATUS:
             self._clear_status()
+        elif register == reg.MOT_DETECT_STATUS:
+            self.registers[register] &= reg.AT_REST
         return value
 
     def _clear_status(self) -> None:
@@ -284,7 +291,7 @@ class FakeMpu6050:
         if register == reg.FIFO_R_W:
             if self.registers[reg.USER_CTRL] & reg.USER_FIFO_EN and self.fifo.push(bytes([value])):
                 self.registers[reg.INT_STATUS] |= reg.FIFO_OFLOW_INT
-                self._pin.overflowed(self.clock.now_ns())
+                self._pin.happened(reg.FIFO_OFLOW_INT, self.clock.now_ns())
             return
         if register == reg.USER_CTRL:
             # FIFO_RESET acts only while FIFO_EN is 0, in the same byte too (RM register 106).
@@ -292,4 +299,6 @@ class FakeMpu6050:
                 self.fifo.clear()
             if value & reg.USER_SIG_COND_RESET:
                 self._sampling.blank()
+        if register == reg.SIGNAL_PATH_RESET and value & reg.ACCEL_RESET:
+            self._sampling.restart_detection()
         self.registers[register] = value & self.personality.sticks(register)

@@ -7,11 +7,15 @@ from collections.abc import Callable
 from hw_fakes import registers as reg
 from hw_fakes.fifo import Fifo
 from hw_fakes.interrupt import IntPin
+from hw_fakes.motion_detection import Detection, Event, Rules
 from hw_fakes.personalities import Personality
 from hw_fakes.prefetch import NO_DATA, Prefetch
 from hw_fakes.samples import CountArray, Run, SampleSource
 from hw_fakes.setup import Setup, decode
 from quavelet.core.units import NS_PER_S
+
+# The registers that say what to do: those of results, status, FIFO and DMP memory between them are left out.
+_CONFIGURATION = ((0x00, 0x35), (reg.INT_PIN_CFG, reg.DMP_INT_STATUS), (0x62, 0x6D), (0x76, reg.COUNT))
 
 
 class Sampling:
@@ -34,6 +38,7 @@ class Sampling:
         personality: Personality,
         pll_error: float,
         internal_error: float,
+        rules: Rules,
     ) -> None:
         self.run: Run | None = None
         self.samples_taken = 0
@@ -46,7 +51,9 @@ class Sampling:
         self._pll_error = pll_error
         self._internal_error = internal_error
         self._setup = decode(reg.POWER_UP)
+        self._configured = b""
         self._prefetch = Prefetch(source)
+        self._detection = Detection(source, rules)
         self._shadow: bytes | None = NO_DATA  # None: the newest sample, not looked at yet
         self._runs = 0
         self._taken = 0  # of the samples of this run
@@ -55,10 +62,17 @@ class Sampling:
     def follow(self, t_ns: int) -> None:
         """Obey the configuration registers, which have been as they are since `t_ns`."""
         self._pin.follow(self._registers, t_ns)
+        configured = b"".join(self._registers[first:end] for first, end in _CONFIGURATION)
+        if configured == self._configured:
+            return
+        self._configured = configured
         self._fifo.resize(self._personality.fifo_size(self._registers))
         setup = decode(self._registers, personality=self._personality)
-        if setup == self._setup:
-            return
+        if setup != self._setup:
+            self._adopt(setup, t_ns)
+        self._detection.follow(self._registers, self.run, setup, t_ns)
+
+    def _adopt(self, setup: Setup, t_ns: int) -> None:
         self.newest()  # shows what it was taken with
         before, self._setup = self._setup, setup
         self._prefetch.clear()
@@ -82,6 +96,8 @@ class Sampling:
         self.past_end = limit is not None and due > limit
         if limit is not None:
             due = min(due, limit)
+        for event in self._detection.events(now_ns):
+            self._detected(self.run, event, due)
         if due > self._taken:
             self._take(self.run, due)
 
@@ -94,6 +110,7 @@ class Sampling:
     def recompute(self) -> None:
         """Samples computed ahead are forgotten: the source has changed."""
         self._prefetch.clear()
+        self._detection.forget()
         self._source.forget()
 
     @property
@@ -105,6 +122,10 @@ class Sampling:
     def spoil(self, spoil: Callable[[CountArray], CountArray] | None) -> None:
         self._prefetch.spoil = spoil
 
+    def restart_detection(self) -> None:
+        """The accelerometer's signal path is reset."""
+        self._detection.restart()
+
     def blank(self) -> None:
         """The sensor registers are cleared, until the next sample."""
         self._shadow = NO_DATA
@@ -112,7 +133,19 @@ class Sampling:
     def switch_off(self) -> None:
         """There is no supply: nothing is sampled, and nothing is shown."""
         self._setup = decode(reg.POWER_UP)
-        self.run, self._shadow = None, NO_DATA
+        self._detection.restart()
+        self.run, self._shadow, self._configured = None, NO_DATA, b""
+
+    def _detected(self, run: Run, event: Event, due: int) -> None:
+        fallen = min(due, event.ticks // run.divider)
+        if fallen > self._taken and self._registers[reg.INT_ENABLE] & event.interrupt:
+            self._take(run, fallen)  # so that the pin moves in the order of time
+        self._registers[reg.INT_STATUS] |= event.interrupt
+        self._registers[reg.MOT_DETECT_STATUS] |= event.status
+        if event.at_rest is not None:
+            self._registers[reg.MOT_DETECT_STATUS] &= ~reg.AT_REST & 0xFF
+            self._registers[reg.MOT_DETECT_STATUS] |= event.at_rest
+        self._pin.happened(event.interrupt, run.time_ns(event.ticks))
 
     def _take(self, run: Run, due: int) -> None:
         first, self._taken = self._taken, due
