@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 from magnetometer_bench import body_field_ut
 
+from hw_fakes import FakeBus, FakeMpu6050
 from hw_fakes.boards import BOARDS, board
 from hw_fakes.magnetometer_base import PERFECT_MAGNETOMETER
 from hw_fakes.motion import Still
 from quavelet.core.clock import VirtualClock
+from quavelet.core.errors import BusError
 
 LYING = Still(roll_deg=20, pitch_deg=-35, yaw_deg=130)
 
@@ -75,6 +77,25 @@ def test_gy_521_has_nothing_behind_it_and_a_slave_there_is_not_acknowledged():
     registers[0x25:0x28] = bytes([0x80 | 0x1E, 0x0A, 0x83])
     assert master.sample(registers, 0, 0)
     assert registers[0x36] == 0x01
+
+
+def test_magnetometer_of_a_gy_87_answers_only_once_the_bypass_is_open():
+    clock = VirtualClock()
+    chip = FakeMpu6050(clock, motion=LYING)
+    master = board("gy-87").aux_master(clock, LYING, imperfections=PERFECT_MAGNETOMETER)
+    bus = FakeBus({0x68: chip, **master.outside(chip.registers)}, clock=clock)
+    bus.write(0x68, b"\x6b\x01")
+    with pytest.raises(BusError):
+        bus.write_read(0x0D, b"\x0d", 1)
+    bus.write(0x68, b"\x37\x02")
+    assert bus.write_read(0x0D, b"\x0d", 1) == b"\xff"
+    bus.write(0x0D, b"\x09\x0d")
+    clock.advance_ns(6_000_000)
+    words = np.frombuffer(bus.write_read(0x0D, b"\x00", 6), dtype="<i2")
+    assert np.allclose(words / 120, body_field_ut(), atol=0.01)
+    bus.write(0x68, b"\x6a\x20")
+    with pytest.raises(BusError):
+        bus.write_read(0x0D, b"\x0d", 1)
 
 
 def test_unknown_board_is_refused_with_the_names_there_are():
