@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from hw_fakes import registers as reg
+from hw_fakes.dmp_memory import DmpMemory
 from hw_fakes.fifo import Fifo
 from hw_fakes.imperfections import TYPICAL, Imperfections
 from hw_fakes.interrupt import Edge, IntPin
@@ -90,6 +91,7 @@ class FakeMpu6050:
         self.registers = bytearray(reg.COUNT)
         self.fifo = Fifo(size=personality.fifo_bytes[0])
         self.written: list[tuple[int, int]] = []
+        self._memory = DmpMemory()
         self._pin = IntPin()
         self._sampling = Sampling(
             self.registers,
@@ -250,10 +252,11 @@ class FakeMpu6050:
     def _power_up(self) -> None:
         self.registers[:] = self.personality.power_up_registers(self.accel_trim, self.self_test_codes)
         self.fifo.clear()
+        self._memory.clear()
 
     def _step(self) -> None:
-        # The pointer stays on FIFO_R_W: a burst that reaches it goes on popping.
-        if self._pointer != reg.FIFO_R_W:
+        # The pointer stays on the two ports: a burst that reaches FIFO_R_W goes on popping.
+        if self._pointer not in (reg.FIFO_R_W, reg.MEM_R_W):
             self._pointer = (self._pointer + 1) % reg.COUNT
 
     def _load(self, register: int) -> int:
@@ -261,6 +264,8 @@ class FakeMpu6050:
             self.registers[reg.ACCEL_XOUT_H : reg.GYRO_ZOUT_L + 1] = self._sampling.newest()
         elif register == reg.FIFO_COUNTH:  # latches the low byte too (RM registers 114 and 115)
             self.registers[reg.FIFO_COUNTH : reg.FIFO_COUNTL + 1] = len(self.fifo).to_bytes(2, "big")
+        elif register == reg.MEM_R_W:
+            return self._memory.read(self.registers)
         value = self.registers[register]
         if register == reg.INT_STATUS:
             self._clear_status()
@@ -293,6 +298,8 @@ class FakeMpu6050:
                 self.registers[reg.INT_STATUS] |= reg.FIFO_OFLOW_INT
                 self._pin.happened(reg.FIFO_OFLOW_INT, self.clock.now_ns())
             return
+        if register == reg.MEM_R_W:
+            self._memory.write(self.registers, value)
         if register == reg.USER_CTRL:
             # FIFO_RESET acts only while FIFO_EN is 0, in the same byte too (RM register 106).
             if value & reg.USER_FIFO_RESET and not value & reg.USER_FIFO_EN:

@@ -67,6 +67,7 @@ class Sampling:
             return
         self._configured = configured
         self._fifo.resize(self._personality.fifo_size(self._registers))
+        self._fifo.stops = self._personality.fifo_stops(self._registers)
         setup = decode(self._registers, personality=self._personality)
         if setup != self._setup:
             self._adopt(setup, t_ns)
@@ -156,9 +157,11 @@ class Sampling:
         frame, overflow = 2 * len(self._setup.fifo_words), due
         if frame:
             overflow = first + (self._fifo.size - len(self._fifo)) // frame
-            # Of more samples than the FIFO holds only the newest can be seen, but one more, so that it overflows.
+            # Of more samples than the FIFO holds only the newest can be seen, or where it stops, only the oldest; but
+            # one more, so that it overflows.
             seen = min(due - first, self._fifo.size // frame + 1)
-            if self._fifo.push(self._prefetch.frames(run, self._setup, due - seen, due)):
+            begin = first if self._fifo.stops else due - seen
+            if self._fifo.push(self._prefetch.frames(run, self._setup, begin, begin + seen)):
                 self._registers[reg.INT_STATUS] |= reg.FIFO_OFLOW_INT
         self._pin.sampled(run, first, due, overflow)
 

@@ -34,6 +34,20 @@ def test_fifo_is_a_queue_of_1024_bytes_that_drops_the_oldest(steps):
         assert len(fifo) == len(model)
 
 
+@given(st.lists(st.one_of(st.binary(max_size=700), st.integers(1, 1100)), max_size=30))
+def test_fifo_that_stops_keeps_the_oldest(steps):
+    fifo, model = Fifo(), b""
+    fifo.stops = True
+    for step in steps:
+        if isinstance(step, bytes):
+            assert fifo.push(step) == (len(model) + len(step) > 1024)
+            model = (model + step)[:1024]
+        else:
+            fifo.pop(step)
+            model = model[step:]
+        assert bytes(fifo.content) == model
+
+
 def test_frame_is_in_the_order_of_the_register_numbers(make_board):
     board = make_board(motion=LEANING)
     board.wake()
