@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 from hw_fakes import registers as reg
+from hw_fakes.aux_master import AuxMaster
 from hw_fakes.dmp_memory import DmpMemory
 from hw_fakes.fifo import Fifo
 from hw_fakes.imperfections import TYPICAL, Imperfections
@@ -15,7 +16,7 @@ from hw_fakes.personalities import MPU6050, Personality
 from hw_fakes.samples import CountArray, Run, SampleSource
 from hw_fakes.sampling import Sampling
 from hw_fakes.signal_path import MotionSource
-from hw_fakes.target import Nack
+from hw_fakes.target import Nack, Target
 from quavelet.core.clock import Clock
 from quavelet.core.errors import EndOfData
 from quavelet.core.units import NS_PER_MS, NS_PER_S
@@ -54,6 +55,7 @@ class FakeMpu6050:
         source: SampleSource | None = None,
         personality: Personality = MPU6050,
         motion_threshold_mg_lsb: float = 2.0,
+        aux: AuxMaster | None = None,
     ) -> None:
         """A chip that is just powered up, lying `Still` where no motion is given.
 
@@ -66,6 +68,8 @@ class FakeMpu6050:
         personality                which chip of the family it is
         motion_threshold_mg_lsb    what 1 in FF_THR, MOT_THR and ZRMOT_THR stands for. The register map before rev 4.2
                                    says 2 mg, PS 6.2 says 32 mg: to be measured on the hardware
+        aux                        the auxiliary bus with the chips on it, whose outer clock is `clock`; None: none is
+                                   wired, and its registers only keep what is written
         """
         self.clock = clock
         self.birth_ns = clock.now_ns()
@@ -77,6 +81,7 @@ class FakeMpu6050:
         self.personality = personality
         self.self_test_codes = personality.self_test_codes if self_test_codes is None else self_test_codes
         self.nack_in_reset = nack_in_reset
+        self.aux = aux
         if source is None:
             source = MotionSource(
                 self.motion or Still(),
@@ -101,6 +106,7 @@ class FakeMpu6050:
             personality=personality,
             pll_error=pll_error,
             internal_error=internal_error,
+            aux=aux,
             rules=WakeOnMotion() if personality.class_6500 else MotionRules(g_lsb=motion_threshold_mg_lsb / 1000),
         )
         self._plugged = True
@@ -191,6 +197,14 @@ class FakeMpu6050:
         self._look()
         self._sampling.spoil = spoil
 
+    def bypassed(self) -> Mapping[int, Target]:
+        """The chips of the auxiliary bus that can be spoken to on the outer one, awake or asleep: all or none.
+
+        For one that cannot ask before each transaction there is `aux.outside`.
+        """
+        self._look()
+        return self.aux.targets if self.aux and self.aux.bypass(self.registers) else {}
+
     def int_level(self) -> bool:
         """Whether the INT pin is high now. Within a transaction: as it was when that began, or was cleared by it."""
         self._look()
@@ -271,6 +285,8 @@ class FakeMpu6050:
             self._clear_status()
         elif register == reg.MOT_DETECT_STATUS:
             self.registers[register] &= reg.AT_REST
+        elif register == reg.I2C_MST_STATUS:
+            self.registers[register] = 0
         return value
 
     def _clear_status(self) -> None:
@@ -306,6 +322,9 @@ class FakeMpu6050:
                 self.fifo.clear()
             if value & reg.USER_SIG_COND_RESET:
                 self._sampling.blank()
+            # As with the FIFO: I2C_MST_RESET acts only while I2C_MST_EN is 0.
+            if self.aux and value & reg.USER_I2C_MST_RESET and not value & reg.USER_I2C_MST_EN:
+                self.aux.reset()
         if register == reg.SIGNAL_PATH_RESET and value & reg.ACCEL_RESET:
             self._sampling.restart_detection()
         self.registers[register] = value & self.personality.sticks(register)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from hw_fakes import registers as reg
+from hw_fakes.aux_master import AuxMaster
 from hw_fakes.fifo import Fifo
 from hw_fakes.interrupt import IntPin
 from hw_fakes.motion_detection import Detection, Event, Rules
@@ -16,6 +17,10 @@ from quavelet.core.units import NS_PER_S
 
 # The registers that say what to do: those of results, status, FIFO and DMP memory between them are left out.
 _CONFIGURATION = ((0x00, 0x35), (reg.INT_PIN_CFG, reg.DMP_INT_STATUS), (0x62, 0x6D), (0x76, reg.COUNT))
+
+# Of samples that nobody saw fall, the auxiliary master does the transactions of so many, the newest; older ones could
+# show only in how far the chips on its bus have come.
+_AUX_SAMPLES = 128
 
 
 class Sampling:
@@ -39,6 +44,7 @@ class Sampling:
         pll_error: float,
         internal_error: float,
         rules: Rules,
+        aux: AuxMaster | None,
     ) -> None:
         self.run: Run | None = None
         self.samples_taken = 0
@@ -54,6 +60,7 @@ class Sampling:
         self._configured = b""
         self._prefetch = Prefetch(source)
         self._detection = Detection(source, rules)
+        self._aux = aux
         self._shadow: bytes | None = NO_DATA  # None: the newest sample, not looked at yet
         self._runs = 0
         self._taken = 0  # of the samples of this run
@@ -72,6 +79,8 @@ class Sampling:
         if setup != self._setup:
             self._adopt(setup, t_ns)
         self._detection.follow(self._registers, self.run, setup, t_ns)
+        if self._aux:
+            self._aux.follow(self._registers)
 
     def _adopt(self, setup: Setup, t_ns: int) -> None:
         self.newest()  # shows what it was taken with
@@ -130,6 +139,7 @@ class Sampling:
     def blank(self) -> None:
         """The sensor registers are cleared, until the next sample."""
         self._shadow = NO_DATA
+        self._registers[reg.EXT_SENS_DATA : reg.MOT_DETECT_STATUS] = bytes(24)
 
     def switch_off(self) -> None:
         """There is no supply: nothing is sampled, and nothing is shown."""
@@ -154,16 +164,48 @@ class Sampling:
         self._shadow = None
         # Both bits are set whether or not INT_ENABLE lets them out to the pin.
         self._registers[reg.INT_STATUS] |= reg.DATA_RDY_INT
-        frame, overflow = 2 * len(self._setup.fifo_words), due
-        if frame:
-            overflow = first + (self._fifo.size - len(self._fifo)) // frame
-            # Of more samples than the FIFO holds only the newest can be seen, or where it stops, only the oldest; but
-            # one more, so that it overflows.
-            seen = min(due - first, self._fifo.size // frame + 1)
-            begin = first if self._fifo.stops else due - seen
-            if self._fifo.push(self._prefetch.frames(run, self._setup, begin, begin + seen)):
-                self._registers[reg.INT_STATUS] |= reg.FIFO_OFLOW_INT
+        frame = self._frame_bytes()
+        # Of more samples than the FIFO holds only the newest can be seen, or where it stops, only the oldest; but one
+        # more, so that it overflows.
+        seen = min(due - first, self._fifo.size // frame + 1) if frame else 0
+        begin = first if self._fifo.stops else due - seen
+        overflow = first + (self._fifo.size - len(self._fifo)) // frame if frame else due
+        external, alarms = self._external(run, first, due, range(begin, begin + seen))
+        if frame and self._fifo.push(self._frames(run, begin, begin + seen, external)):
+            self._registers[reg.INT_STATUS] |= reg.FIFO_OFLOW_INT
+        for n in alarms:
+            self._pin.sampled(run, first, n + 1, overflow)
+            self._pin.happened(reg.I2C_MST_INT, run.time_ns((n + 1) * run.divider))
+            first = n + 1
         self._pin.sampled(run, first, due, overflow)
+
+    def _frame_bytes(self) -> int:
+        """What a sample puts into the FIFO."""
+        words = 2 * len(self._setup.fifo_words)
+        if self._aux and self._registers[reg.USER_CTRL] & reg.USER_FIFO_EN:
+            return words + len(self._aux.fifo_bytes(self._registers))
+        return words
+
+    def _frames(self, run: Run, begin: int, end: int, external: dict[int, bytes]) -> bytes:
+        frames = self._prefetch.frames(run, self._setup, begin, end)
+        if not external:
+            return frames
+        words = 2 * len(self._setup.fifo_words)
+        return b"".join(frames[words * i : words * (i + 1)] + external[begin + i] for i in range(end - begin))
+
+    def _external(self, run: Run, first: int, due: int, fifo: range) -> tuple[dict[int, bytes], list[int]]:
+        """What the auxiliary bus adds to the frames of samples `fifo`, and which samples raised its interrupt."""
+        external: dict[int, bytes] = {}
+        alarms: list[int] = []
+        if self._aux is None or not (self._aux.active(self._registers) or self._aux.fifo_bytes(self._registers)):
+            return external, alarms
+        for n in sorted({*fifo, *range(max(first, due - _AUX_SAMPLES), due)}):
+            if self._aux.sample(self._registers, n, run.time_ns((n + 1) * run.divider)):
+                self._registers[reg.INT_STATUS] |= reg.I2C_MST_INT
+                alarms.append(n)
+            if n in fifo:
+                external[n] = self._aux.fifo_bytes(self._registers)
+        return external, alarms
 
     def _new_run(self, setup: Setup, t_ns: int) -> Run:
         error = self._pll_error if setup.on_pll else self._internal_error
