@@ -161,7 +161,7 @@ class Frozen(ChipFault):
 
 @dataclass(frozen=True, slots=True)
 class WrongTemperature(ChipFault):
-    """The temperature jumps by `by` degC."""
+    """The temperature jumps: `by` degC are added."""
 
     name: ClassVar[str] = "temperature"
     lasts: ClassVar[bool] = True

@@ -106,6 +106,11 @@ def parse_lines(text: str) -> list[FaultEntry]:
     return [parse(line) for line in lines if line]
 
 
+def own_keys(kind: type[Fault]) -> list[str]:
+    """The keys that a kind has in the text form beside those of every entry."""
+    return [_key(field.name) for field in fields(kind)]
+
+
 def _key(field: str) -> str:
     for unit in _UNITS:
         field = field.removesuffix(unit)

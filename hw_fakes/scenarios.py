@@ -35,6 +35,7 @@ def open_fake(which: str, /, *, clock: Clock) -> FakeBus:
     WHICH is what `motion_named` takes (a chip with TYPICAL imperfections) or `counts:FILE.npz` (recorded counts, see
     `RecordedCounts`). Raises SettingsError for any other, or where the file cannot be used.
     """
+    check_name(which)
     if which.startswith(COUNTS):
         chip = counts_chip(RecordedCounts.load(which.removeprefix(COUNTS)), clock=clock)
     else:
@@ -50,9 +51,15 @@ def motion_named(which: str) -> Motion:
     if which.startswith(RECORDED):
         return load_motion(which.removeprefix(RECORDED))
     if which not in MOTIONS:
+        raise SettingsError(f"there is no motion '{which}': take one of {', '.join(MOTIONS)}, {RECORDED}FILE.npz")
+    return MOTIONS[which]
+
+
+def check_name(which: str) -> None:
+    """Raises SettingsError where `fake:WHICH` is the name of no world."""
+    if which not in MOTIONS and not which.startswith((RECORDED, COUNTS)):
         names = [f"fake:{name}" for name in (*MOTIONS, f"{RECORDED}FILE.npz", f"{COUNTS}FILE.npz")]
         raise SettingsError(f"there is no 'fake:{which}': take one of {', '.join(names)}")
-    return MOTIONS[which]
 
 
 def counts_chip(recording: RecordedCounts, *, clock: Clock) -> FakeMpu6050:
