@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from hw_fakes.chip import FakeMpu6050
 from hw_fakes.chip_faults import ChipFault, Site, seen_at
-from hw_fakes.fault_base import Fault, Happened, Touch, next_register, registers_from
+from hw_fakes.fault_base import Fault, Happened, Touch, registers_from
 from hw_fakes.fault_plan import FaultEntry
 from hw_fakes.target import Target
 from hw_fakes.wire_faults import WireFault
@@ -197,7 +197,7 @@ class Faults:
                 payload, cut = spoilt.data, cut or spoilt.cut
         self._adapter.carry(target, payload)
         if payload:
-            self._pointers[address] = next_register(payload[0] & 0x7F, len(payload) - 1)
+            self._pointers[address] = registers_from(payload[0] & 0x7F, len(payload))[-1]
         if cut:
             self._adapter.not_taken()
         return b""
@@ -220,7 +220,7 @@ class Faults:
 
     def _read(self, address: int, target: Target, n: int) -> bytes:
         pointer = self._pointers.get(address)
-        registers = registers_from(pointer, n)
+        *registers, self._pointers[address] = registers_from(pointer, n + 1)
         answer = b""
         for active in self._acting(address):
             gap = active.kind.split(registers, active.rng)
@@ -234,7 +234,6 @@ class Faults:
                     self._clock.sleep_until_ns(self._clock.now_ns() + round(gap.later_s * NS_PER_S))
                 break
         answer += self._adapter.carry(target, n - len(answer))
-        self._pointers[address] = next_register(pointer, n)
         for active in self._acting(address):
             spoilt = active.kind.spoil_read(answer, registers, active.rng)
             if spoilt:
