@@ -89,7 +89,9 @@ class Detection:
         active, before = self._rules.obey(registers), self._run
         self._axes = [axis for axis in range(3) if axis not in setup.frozen]
         self._run = self._rules.watched(run, setup) if active and run and self._axes else None
-        self._setup, self._chunk = setup, -1
+        if (self._run, setup) != (before, self._setup):
+            self._chunk = -1
+        self._setup = setup
         if self._run is None:
             self._rules.restart()
         else:

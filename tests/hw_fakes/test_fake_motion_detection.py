@@ -129,6 +129,25 @@ def test_free_fall_is_told_of_after_its_duration_and_not_at_rest(make_board, fal
     assert not board.byte(0x3A) & FF
 
 
+@pytest.mark.parametrize("down", [0, 1, 2, 3])
+def test_free_fall_that_is_interrupted_counts_down_as_asked(make_board, down):
+    turns = tuple((0.1 + 0.04 * k, 0.134 + 0.04 * k) for k in range(40))
+    board = make_board(motion=Pushed(-1.0, turns))
+    watching(board, FF, fall=100, fall_ms=100, down=down << 2)
+    board.start_fifo(0x08)
+    run = board.chip.run
+    first = run.samples_by(board.clock.now_ns()) - board.fifo_count() // 6
+    z_g = board.collect(1.8, words=3)[:, 2] / 16384
+    count, expected_ns = 0, []
+    for n, z in enumerate(z_g):
+        before = count
+        count = min(count + 1, 100) if abs(z) < 0.2 else max(0, count - {0: 100, 1: 1, 2: 2, 3: 4}[down])
+        if count == 100 > before:
+            expected_ns.append(run.time_ns(first + n + 1))
+    assert bool(expected_ns) == (down in (1, 2))
+    assert begins(board)[: len(expected_ns)] == expected_ns
+
+
 @pytest.mark.parametrize(("mg_lsb", "detected"), [(2.0, True), (32.0, False)])
 def test_scale_of_the_thresholds_is_the_one_asked_for(make_board, mg_lsb, detected):
     board = make_board(motion=Pushed(0.3, ((0.5, 0.7),)), motion_threshold_mg_lsb=mg_lsb)
