@@ -15,8 +15,8 @@ While the fixture is in use
   transfer by its time on the wires. `time.time`, `monotonic`, `perf_counter` and their `_ns` follow that clock, from
   the real time on; looking at one takes a microsecond, so that waiting for a deadline comes to an end. Modules that
   took these functions by `from time import sleep` have the virtual ones too, but the standard library and pytest do
-  not. Other threads, asyncio, datetime and waiting for a lock stay in real time: with `real_time=True` all does, the
-  chip included.
+  not. Other threads, datetime and waiting for a lock stay in real time. What mixes the two, as asyncio does, would
+  wait for ever: give it `real_time=True`, with which all is in real time, the chip too.
 
 pytest loads this file in every session, so it imports nothing that is not loaded already.
 """
