@@ -9,12 +9,13 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 
 from hw_fakes import control
+from hw_fakes.boards import BOARDS, Board
 from hw_fakes.fault_plan import KINDS, own_keys
 from hw_fakes.i2c_adapter import Adapter
 from hw_fakes.personalities import PERSONALITIES
 from hw_fakes.preload import run_with_device
 from hw_fakes.scenarios import ADDRESS, COUNTS, MOTIONS, RECORDED
-from hw_fakes.serve import Making, new_chip, planned, run_with_usbip
+from hw_fakes.serve import Making, attach, new_chip, planned, run_with_usbip
 from quavelet.core.clock import MonotonicClock
 from quavelet.core.errors import SettingsError
 
@@ -53,6 +54,8 @@ def _serve(parser: argparse.ArgumentParser, asked: argparse.Namespace, program: 
         parser.error("there is no program to run: write it after --, as in `serve --scenario tilt -- i2cdetect -y 1`")
     if asked.bus is not None and asked.way == "usbip":
         parser.error("the kernel gives the number of its adapter: leave --bus out")
+    if asked.board is not None and len(chips) > 1:
+        parser.error("two boards have a magnetometer at one address: leave --board or --chip out")
     faults = planned(asked.faults, asked.fault_file)
     clock = MonotonicClock()
     adapter = Adapter(clock=clock, speed_hz=asked.speed or 400_000, paced=asked.speed is not None)
@@ -62,8 +65,9 @@ def _serve(parser: argparse.ArgumentParser, asked: argparse.Namespace, program: 
             seed=None if asked.seed is None else asked.seed + i,
             rate_error=asked.rate_error,
             personality=asked.personality,
+            board=asked.board,
         )
-        adapter.attach(address, new_chip(which, clock=clock, making=making))
+        attach(adapter, address, new_chip(which, clock=clock, making=making))
     for entry in faults:
         adapter.faults.add(entry)
     with ExitStack() as stack:
@@ -81,12 +85,18 @@ def _list() -> int:
         ("scenario", f"{COUNTS}FILE.npz", "Recorded register counts, byte for byte."),
     ]
     rows += [("personality", chip.name, f"WHO_AM_I 0x{chip.who_am_i:02x}") for chip in PERSONALITIES]
+    rows += [("board", name, _parts(product)) for name, product in BOARDS.items()]
     rows += [
         ("fault", " ".join([name, *(f"{key}=" for key in own_keys(kind))]), kind.does()) for name, kind in KINDS.items()
     ]
     for group, name, text in rows:
         print(f"{group:<12} {name:<28} {text.partition(chr(10))[0].replace('`', '')}")
     return 0
+
+
+def _parts(board: Board) -> str:
+    magnetometer = f" with a magnetometer {board.magnetometer.__name__.upper()}" if board.magnetometer else ""
+    return f"{board.personality.name}{magnetometer}"
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -103,7 +113,9 @@ def _parser() -> argparse.ArgumentParser:
     serve.add_argument(
         "--chip", type=chip_at, action="append", default=[], metavar="ADDRESS=NAME", help="one more; may come again"
     )
-    serve.add_argument("--personality", metavar="NAME", help="which chip of the family, as MPU-6500 (MPU-6050)")
+    kind = serve.add_mutually_exclusive_group()
+    kind.add_argument("--personality", metavar="NAME", help="which chip of the family, as MPU-6500 (MPU-6050)")
+    kind.add_argument("--board", metavar="NAME", help="which board, with its magnetometer behind the chip, as gy-87")
     serve.add_argument("--perfect", action="store_true", help="no noise, no bias, no error of the oscillator")
     serve.add_argument("--seed", type=number, metavar="N", help="another board, drawn from the data sheet's limits")
     serve.add_argument("--rate-error", type=float, metavar="X", help="of the oscillator: 0.01 is 1 %% too fast")

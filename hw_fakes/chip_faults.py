@@ -222,6 +222,7 @@ class Swapped(ChipFault):
             seed=old.source.seed if isinstance(old.source, MotionSource) else 0,
             source=None if isinstance(old.source, MotionSource) else old.source,
             personality=personality,
+            aux=old.aux,
         )
         new.clock = old.clock
         site.put(new)

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from hw_fakes.boards import board
 from hw_fakes.chip import FakeMpu6050
 from hw_fakes.counts import RecordedCounts
 from hw_fakes.fault_plan import FaultEntry, parse, parse_lines
@@ -34,12 +35,14 @@ class Making:
     seed         a board drawn from the data sheet's limits by this number, in place of a typical one
     rate_error   how much too fast both oscillators are: 0.01 is 1 % more samples a second
     personality  which chip of the family, by its name
+    board        which board, by its name in `BOARDS`: it says which chip, and has a magnetometer
     """
 
     perfect: bool = False
     seed: int | None = None
     rate_error: float | None = None
     personality: str | None = None
+    board: str | None = None
 
     def __post_init__(self) -> None:
         if self.rate_error is not None and not abs(self.rate_error) <= MOST_RATE_ERROR:
@@ -56,22 +59,32 @@ def new_chip(which: str, *, clock: Clock, making: Making) -> FakeMpu6050:
     if which.startswith(COUNTS):
         if making != Making():
             raise SettingsError(
-                "recorded counts are what they are: leave --perfect, --seed, --rate-error and --personality out"
+                "recorded counts are as they are: leave out --perfect, --seed, --rate-error, --personality and --board"
             )
         return counts_chip(RecordedCounts.load(which.removeprefix(COUNTS)), clock=clock)
     pll_error, internal_error = (0.0, 0.0) if making.perfect else (PLL_ERROR, INTERNAL_ERROR)
     if making.rate_error is not None:
         pll_error = internal_error = making.rate_error
+    motion = SwitchedMotion(motion_named(which))
+    product = None if making.board is None else board(making.board)
     drawn = TYPICAL if making.seed is None else draw(making.seed)
     return FakeMpu6050(
         clock,
-        motion=SwitchedMotion(motion_named(which)),
+        motion=motion,
         imperfections=PERFECT if making.perfect else drawn,
-        seed=SEED if making.seed is None else making.seed,
-        personality=personality_named(making.personality),
         pll_error=pll_error,
         internal_error=internal_error,
+        seed=SEED if making.seed is None else making.seed,
+        personality=product.personality if product else personality_named(making.personality),
+        aux=product.aux_master(clock, motion) if product else None,
     )
+
+
+def attach(adapter: Adapter, address: int, chip: FakeMpu6050) -> None:
+    """Put a chip on the wires, and behind its bypass what its board has on the auxiliary bus. Raises ValueError."""
+    adapter.attach(address, chip)
+    for at, target in (chip.aux.outside(chip.registers) if chip.aux else {}).items():
+        adapter.attach(at, target)
 
 
 def personality_named(name: str | None) -> Personality:

@@ -16,6 +16,7 @@ import pytest
 
 from hw_fakes import FakeMpu6050, serve
 from hw_fakes.__main__ import main
+from hw_fakes.boards import BOARDS
 from hw_fakes.fault_plan import KINDS
 from hw_fakes.i2c_adapter import READ, Adapter
 from hw_fakes.personalities import PERSONALITIES
@@ -85,6 +86,22 @@ sys.exit(not 10 * 318e-5 < time.monotonic() - begun)
     assert run(program, "--scenario", "still", "--speed", "100000") == 0
 
 
+@needs_compiler
+def test_a_boards_magnetometer_is_missing_or_there_without_the_bypass():
+    program = """
+def code(at, register):
+    try:
+        return bus.read_byte_data(at, register)
+    except OSError as error:
+        return error.errno
+before = code(0x0d, 0x0d)
+bus.write_byte_data(0x68, 0x6b, 1)
+bus.write_byte_data(0x68, 0x37, 2)
+sys.exit([before, code(0x0d, 0x0d)] != [121, 0xff])
+"""
+    assert run(program, "--scenario", "still", "--board", "gy-87") == 0
+
+
 def test_a_paced_adapter_is_late_or_early():
     # A read of 32 bytes is 318 bit-times: 3.18 ms.
     clock = MonotonicClock()
@@ -129,6 +146,7 @@ def test_the_oscillator_is_as_good_as_any():
         (["--chip", "0x68=walk"], "two chips at 0x68: pull AD0"),
         (["--chip", "0x69=storm"], "there is no 'fake:storm': take one of fake:still"),
         (["--personality", "BMI160"], "there is no personality 'BMI160': take one of MPU-6050"),
+        (["--board", "gy-1"], "there is no board 'gy-1': take one of gy-521"),
         (["--rate-error", "nan"], "a rate error of nan is none of a chip"),
         (["--rate-error", "2"], "a rate error of 2.0 is none of a chip"),
         (["--seed", "-1"], "seed -1 is below 0"),
@@ -156,6 +174,8 @@ def test_bad_use_is_a_traceback(arguments, says, capsys):
         (["serve", "--chip", "x=walk", "--", "true"], "'x=walk' is no chip at an address"),
         ([*STILL, "--speed", "10", "--", "true"], "10 Hz is no speed of I2C wires: take 100000 or 400000"),
         ([*STILL, "--as", "usbip", "--bus", "3"], "the kernel gives the number of its adapter: leave --bus out"),
+        ([*STILL, "--chip", "0x69=walk", "--board", "gy-87", "--", "true"], "two boards have a magnetometer at one"),
+        ([*STILL, "--personality", "MPU-6500", "--board", "gy-87", "--", "true"], "not allowed with"),
         (["control"], "required: PATH"),
         ([], "required: COMMAND"),
     ],
@@ -170,9 +190,12 @@ def test_a_command_that_is_none_is_run(arguments, says, capsys):
 def test_list_leaves_something_out(capsys):
     assert main(["list"]) == 0
     rows = [line.split(maxsplit=2) for line in capsys.readouterr().out.splitlines()]
-    named = {group: {row[1] for row in rows if row[0] == group} for group in ("scenario", "personality", "fault")}
+    named = {
+        group: {row[1] for row in rows if row[0] == group} for group in ("scenario", "personality", "board", "fault")
+    }
     assert named["scenario"] == {*MOTIONS, "motion:FILE.npz", "counts:FILE.npz"}
     assert named["personality"] == {chip.name for chip in PERSONALITIES}
+    assert named["board"] == set(BOARDS)
     assert named["fault"] == set(KINDS)
     assert all(len(row) == 3 for row in rows)
 
