@@ -36,11 +36,12 @@ if TYPE_CHECKING:
     from quavelet.core.clock import Clock
 
 MARKER = (
-    "fake_mpu6050(motion='still', perfect=False, faults='', address=0x68, bus=1, real_time=False, **chip): what the "
-    "fixture fake_mpu6050 is to be. motion: a Motion of hw_fakes, or the NAME of fake:NAME; perfect: no imperfection "
-    "and no error of the clock but those given; faults: a plan, one fault a line, as 'nack p=0.01 seed=1'; bus: the N "
-    "of /dev/i2c-N; chip: further arguments of FakeMpu6050, as personality, imperfections, seed. What a nearer marker "
-    "says goes before what a farther one says."
+    "fake_mpu6050(motion='still', perfect=False, faults='', board='', address=0x68, bus=1, real_time=False, **chip): "
+    "what the fixture fake_mpu6050 is to be. motion: a Motion of hw_fakes, or the NAME of fake:NAME; perfect: no "
+    "imperfection and no error of the clock but those given; faults: a plan, one fault a line, as 'nack p=0.01 "
+    "seed=1'; board: a name of BOARDS, as 'gy-87', with its magnetometer; bus: the N of /dev/i2c-N; chip: further "
+    "arguments of FakeMpu6050, as personality, imperfections, seed. What a nearer marker says goes before what a "
+    "farther one says."
 )
 SETTLE_S = 0.5  # the slowest filter, and the gyroscope's error after waking
 Triple = tuple[float, float, float]
@@ -52,12 +53,14 @@ class Truth(NamedTuple):
     attitude    body to world (ENU), Hamilton quaternion, scalar first
     rate_deg_s  x y z of the body
     force_m_s2  specific force, x y z of the body: (0, 0, 9.80665) where it lies level
+    field_ut    magnetic field, x y z of the body
     temp_degc   of the die
     """
 
     attitude: tuple[float, float, float, float]
     rate_deg_s: Triple
     force_m_s2: Triple
+    field_ut: Triple
     temp_degc: float
 
 
@@ -110,6 +113,7 @@ class Bench:
             attitude=tuple(motion.attitude(t_s)[0].tolist()),
             rate_deg_s=tuple(np.degrees(motion.rate_rad_s(t_s)[0]).tolist()),
             force_m_s2=tuple(motion.specific_force_m_s2(t_s)[0].tolist()),
+            field_ut=tuple(motion.magnetic_field_ut(t_s)[0].tolist()),
             temp_degc=float(self.chip.imperfections.temperature_degc(t_s)[0]),
         )
 
@@ -136,24 +140,33 @@ def bench(
     motion: Motion | str = "still",
     perfect: bool = False,
     faults: str = "",
+    board: str = "",
     address: int = 0x68,
     bus: int = 1,
     real_time: bool = False,
     **chip: Any,
 ) -> Iterator[Bench]:
-    """What the fixture does, for a block. Raises SettingsError for a motion or a fault of no such name."""
+    """What the fixture does, for a block. Raises SettingsError or ValueError for a name that is none."""
     from hw_fakes import PERFECT, FakeBus, FakeMpu6050, PatchedKernel, motion_named
+    from hw_fakes import board as board_named
     from hw_fakes.fault_plan import parse_lines
+    from hw_fakes.magnetometer_base import PERFECT_MAGNETOMETER, TYPICAL_MAGNETOMETER
     from hw_fakes.virtual_time import virtual_time
     from quavelet.core.clock import MonotonicClock, VirtualClock
 
+    clock: Clock = MonotonicClock() if real_time else VirtualClock()
     if isinstance(motion, str):
         motion = motion_named(motion)
     if perfect:
         chip = {"imperfections": PERFECT, "pll_error": 0.0, "internal_error": 0.0, **chip}
-    clock: Clock = MonotonicClock() if real_time else VirtualClock()
-    the_chip = FakeMpu6050(clock, motion=motion, **chip)
+    if board:
+        product, errors = board_named(board), PERFECT_MAGNETOMETER if perfect else TYPICAL_MAGNETOMETER
+        master = product.aux_master(clock, motion, imperfections=errors)
+        chip = {"personality": product.personality, "aux": master, **chip}
+    the_chip = FakeMpu6050(clock, motion=None if "source" in chip else motion, **chip)
     the_bus = FakeBus({address: the_chip}, clock=clock, name="fake:bench")
+    for at, target in (the_chip.aux.outside(the_chip.registers) if the_chip.aux else {}).items():
+        the_bus.adapter.attach(at, target)
     for entry in parse_lines(faults):
         the_bus.adapter.faults.add(entry)
     kernel = PatchedKernel({f"/dev/i2c-{bus}": the_bus.adapter})

@@ -14,10 +14,11 @@ from pathlib import Path
 from types import ModuleType
 
 import _pytest.timing
+import numpy as np
 import pytest
 import smbus2
 
-from hw_fakes import MPU6500, AllOnes, FakeMpu6050, NotAcknowledged, Still, Turntable
+from hw_fakes import MPU6500, AllOnes, FakeMpu6050, NotAcknowledged, RecordedCounts, Still, Turntable
 from hw_fakes.pytest_plugin import Bench, bench
 from quavelet.core.clock import MonotonicClock, VirtualClock
 
@@ -107,6 +108,33 @@ def test_a_second_chip_or_a_refusal_is_not_seen_by_the_driver(fake_mpu6050: Benc
         fake_mpu6050.kernel.fail_with = errno.ETIMEDOUT
         with pytest.raises(TimeoutError):
             bus.read_byte_data(0x69, 0x75)
+
+
+@pytest.mark.fake_mpu6050(motion=Still(yaw_deg=90.0), perfect=True, board="gy-87")
+def test_a_boards_magnetometer_is_not_behind_the_bypass(fake_mpu6050: Bench) -> None:
+    with smbus2.SMBus(1) as bus:
+        wake(bus)
+        with pytest.raises(OSError, match="Remote I/O"):
+            bus.read_byte_data(0x0D, 0x0D)
+        bus.write_byte_data(0x68, 0x37, 0x02)
+        bus.write_i2c_block_data(0x0D, 0x09, [0x0D, 0x00, 0x01])  # QMC5883L: continuous at 200 Hz, +-2 G
+        time.sleep(0.02)
+        block = bytes(bus.read_i2c_block_data(0x0D, 0x00, 6))
+    read_ut = [int.from_bytes(block[k : k + 2], "little", signed=True) / 120 for k in (0, 2, 4)]
+    assert read_ut == pytest.approx(fake_mpu6050.truth.field_ut, abs=0.02)
+    x, y, z = fake_mpu6050.truth.field_ut
+    assert x > 15 > 5 > abs(y)  # x to the north, up in z: the field goes down
+    assert z < -40
+
+
+NINE = np.zeros((9, 3), dtype=np.int16)
+COUNTS = RecordedCounts(acc=NINE, gyr=NINE, temp=NINE[:, 0], acc_lsb_per_g=16384, gyr_lsb_per_dps=131, rate_hz=200)
+
+
+@pytest.mark.fake_mpu6050(source=COUNTS)
+def test_recorded_counts_have_a_truth(fake_mpu6050: Bench) -> None:
+    with pytest.raises(ValueError, match="no truth"):
+        _ = fake_mpu6050.truth
 
 
 @pytest.mark.fake_mpu6050(faults="nack at=1 n=2")
