@@ -250,9 +250,15 @@ def test_ctrl_c_leaves_a_traceback_of_the_fake(tmp_path):
     program = [sys.executable, "-c", "import signal; print('ready', flush=True); signal.pause()"]
     path = tmp_path / "control"
     command = [sys.executable, "-m", "hw_fakes", *STILL, "--control", str(path), "--", *program]
-    with subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
-    ) as served:
+    # A shell's background job ignores Ctrl-C, and so would what it starts.
+    before = signal.signal(signal.SIGINT, signal.SIG_DFL)
+    try:
+        served = subprocess.Popen(
+            command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+        )
+    finally:
+        signal.signal(signal.SIGINT, before)
+    with served:
         assert served.stdout is not None
         assert served.stdout.readline() == "ready\n"
         os.killpg(served.pid, signal.SIGINT)
