@@ -261,7 +261,7 @@ class Faults:
     def _again(self, entry: FaultEntry, rng: Random, t_ns: int) -> None:
         self._happen(entry, rng, t_ns)
         gap_ns = _gap_ns(entry.per_minute, rng) if entry.per_minute else round((entry.every_s or 0) * NS_PER_S)
-        self._later(t_ns + max(1, gap_ns), partial(self._again, entry, rng))
+        self._later(t_ns + gap_ns, partial(self._again, entry, rng))
 
     def _happen(self, entry: FaultEntry, rng: Random, t_ns: int) -> None:
         for_ns = None if entry.for_s is None else round(entry.for_s * NS_PER_S)

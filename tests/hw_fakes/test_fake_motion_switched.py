@@ -83,6 +83,21 @@ def test_a_turn_takes_the_long_way_or_another_time():
     assert rate[:, 0].sum() * (t_s[1] - t_s[0]) == pytest.approx(np.pi / 2, rel=1e-4)
 
 
+def test_a_turn_goes_the_long_way_round():
+    motion = chain(Still(yaw_deg=-170), [(0.0, Still(yaw_deg=170))])
+    t_s = np.linspace(0, 1.5, 300)
+    assert np.degrees(motion.rate_rad_s(t_s)[:, 2]).min() == pytest.approx(-20 / 1.5 * 1.875, rel=1e-3)
+    assert np.degrees(motion.rate_rad_s(t_s)[:, 2]).max() == pytest.approx(0, abs=1e-9)
+
+
+def test_a_motion_left_within_the_turn_comes_after_all():
+    motion = chain(Still(), [(2.0, Sway()), (2.7, Tilt())])
+    t_s = np.arange(4.2, 30, 0.01)
+    assert np.allclose(motion.attitude(t_s), Tilt().attitude(t_s - 4.2))
+    motion = chain(Still(), [(float(at_s), to) for at_s, to in enumerate([Sway(), Walk(), Sway(), Walk(), Tilt()])])
+    assert np.allclose(motion.attitude(t_s + 1.3), Tilt().attitude(t_s - 4.2))
+
+
 def test_a_switch_rewrites_the_past():
     motion = SwitchedMotion(Still())
     motion.switch(Tilt(), at_s=5)
