@@ -155,6 +155,10 @@ class AuxMaster:
             return False
         return bool(registers[reg.INT_PIN_CFG] & I2C_BYPASS_EN)
 
+    def outside(self, registers: bytes | bytearray) -> dict[int, Bypassed]:
+        """The chips as the outer bus sees them, by address; `registers` is the chip's own register file."""
+        return {address: Bypassed(target, lambda: self.bypass(registers)) for address, target in self.targets.items()}
+
     def reset(self) -> None:
         """I2C_MST_RESET: the places in EXT_SENS_DATA are given anew."""
         self._lengths.clear()

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 from hw_fakes import registers as reg
+from hw_fakes.aux_master import AuxMaster
+from hw_fakes.dmp_memory import DmpMemory
 from hw_fakes.fifo import Fifo
 from hw_fakes.imperfections import TYPICAL, Imperfections
 from hw_fakes.interrupt import Edge, IntPin
 from hw_fakes.motion import Motion, Still
+from hw_fakes.motion_detection import MotionRules, WakeOnMotion
 from hw_fakes.personalities import MPU6050, Personality
 from hw_fakes.samples import CountArray, Run, SampleSource
 from hw_fakes.sampling import Sampling
 from hw_fakes.signal_path import MotionSource
-from hw_fakes.target import Nack
+from hw_fakes.target import Nack, Target
 from quavelet.core.clock import Clock
 from quavelet.core.errors import EndOfData
 from quavelet.core.units import NS_PER_MS, NS_PER_S
@@ -51,6 +54,8 @@ class FakeMpu6050:
         nack_in_reset: bool = False,
         source: SampleSource | None = None,
         personality: Personality = MPU6050,
+        motion_threshold_mg_lsb: float = 2.0,
+        aux: AuxMaster | None = None,
     ) -> None:
         """A chip that is just powered up, lying `Still` where no motion is given.
 
@@ -61,6 +66,10 @@ class FakeMpu6050:
                                    with DEVICE_RESET still set, and forgets what is written
         source                     where the samples come from, in place of motion and imperfections
         personality                which chip of the family it is
+        motion_threshold_mg_lsb    what 1 in FF_THR, MOT_THR and ZRMOT_THR stands for. The register map before rev 4.2
+                                   says 2 mg, PS 6.2 says 32 mg: to be measured on the hardware
+        aux                        the auxiliary bus with the chips on it, whose outer clock is `clock`; None: none is
+                                   wired, and its registers only keep what is written
         """
         self.clock = clock
         self.birth_ns = clock.now_ns()
@@ -72,6 +81,7 @@ class FakeMpu6050:
         self.personality = personality
         self.self_test_codes = personality.self_test_codes if self_test_codes is None else self_test_codes
         self.nack_in_reset = nack_in_reset
+        self.aux = aux
         if source is None:
             source = MotionSource(
                 self.motion or Still(),
@@ -86,6 +96,7 @@ class FakeMpu6050:
         self.registers = bytearray(reg.COUNT)
         self.fifo = Fifo(size=personality.fifo_bytes[0])
         self.written: list[tuple[int, int]] = []
+        self._memory = DmpMemory()
         self._pin = IntPin()
         self._sampling = Sampling(
             self.registers,
@@ -95,6 +106,8 @@ class FakeMpu6050:
             personality=personality,
             pll_error=pll_error,
             internal_error=internal_error,
+            aux=aux,
+            rules=WakeOnMotion() if personality.class_6500 else MotionRules(g_lsb=motion_threshold_mg_lsb / 1000),
         )
         self._plugged = True
         self._reset_done_ns = 0
@@ -184,6 +197,14 @@ class FakeMpu6050:
         self._look()
         self._sampling.spoil = spoil
 
+    def bypassed(self) -> Mapping[int, Target]:
+        """The chips of the auxiliary bus that can be spoken to on the outer one, awake or asleep: all or none.
+
+        For one that cannot ask before each transaction there is `aux.outside`.
+        """
+        self._look()
+        return self.aux.targets if self.aux and self.aux.bypass(self.registers) else {}
+
     def int_level(self) -> bool:
         """Whether the INT pin is high now. Within a transaction: as it was when that began, or was cleared by it."""
         self._look()
@@ -245,10 +266,11 @@ class FakeMpu6050:
     def _power_up(self) -> None:
         self.registers[:] = self.personality.power_up_registers(self.accel_trim, self.self_test_codes)
         self.fifo.clear()
+        self._memory.clear()
 
     def _step(self) -> None:
-        # The pointer stays on FIFO_R_W: a burst that reaches it goes on popping.
-        if self._pointer != reg.FIFO_R_W:
+        # The pointer stays on the two ports: a burst that reaches FIFO_R_W goes on popping.
+        if self._pointer not in (reg.FIFO_R_W, reg.MEM_R_W):
             self._pointer = (self._pointer + 1) % reg.COUNT
 
     def _load(self, register: int) -> int:
@@ -256,9 +278,15 @@ class FakeMpu6050:
             self.registers[reg.ACCEL_XOUT_H : reg.GYRO_ZOUT_L + 1] = self._sampling.newest()
         elif register == reg.FIFO_COUNTH:  # latches the low byte too (RM registers 114 and 115)
             self.registers[reg.FIFO_COUNTH : reg.FIFO_COUNTL + 1] = len(self.fifo).to_bytes(2, "big")
+        elif register == reg.MEM_R_W:
+            return self._memory.read(self.registers)
         value = self.registers[register]
         if register == reg.INT_STATUS:
             self._clear_status()
+        elif register == reg.MOT_DETECT_STATUS:
+            self.registers[register] &= reg.AT_REST
+        elif register == reg.I2C_MST_STATUS:
+            self.registers[register] = 0
         return value
 
     def _clear_status(self) -> None:
@@ -284,12 +312,19 @@ class FakeMpu6050:
         if register == reg.FIFO_R_W:
             if self.registers[reg.USER_CTRL] & reg.USER_FIFO_EN and self.fifo.push(bytes([value])):
                 self.registers[reg.INT_STATUS] |= reg.FIFO_OFLOW_INT
-                self._pin.overflowed(self.clock.now_ns())
+                self._pin.happened(reg.FIFO_OFLOW_INT, self.clock.now_ns())
             return
+        if register == reg.MEM_R_W:
+            self._memory.write(self.registers, value)
         if register == reg.USER_CTRL:
             # FIFO_RESET acts only while FIFO_EN is 0, in the same byte too (RM register 106).
             if value & reg.USER_FIFO_RESET and not value & reg.USER_FIFO_EN:
                 self.fifo.clear()
             if value & reg.USER_SIG_COND_RESET:
                 self._sampling.blank()
+            # As with the FIFO: I2C_MST_RESET acts only while I2C_MST_EN is 0.
+            if self.aux and value & reg.USER_I2C_MST_RESET and not value & reg.USER_I2C_MST_EN:
+                self.aux.reset()
+        if register == reg.SIGNAL_PATH_RESET and value & reg.ACCEL_RESET:
+            self._sampling.restart_detection()
         self.registers[register] = value & self.personality.sticks(register)

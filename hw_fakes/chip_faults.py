@@ -161,7 +161,7 @@ class Frozen(ChipFault):
 
 @dataclass(frozen=True, slots=True)
 class WrongTemperature(ChipFault):
-    """The temperature jumps by `by` degC."""
+    """The temperature jumps: `by` degC are added."""
 
     name: ClassVar[str] = "temperature"
     lasts: ClassVar[bool] = True
@@ -222,6 +222,7 @@ class Swapped(ChipFault):
             seed=old.source.seed if isinstance(old.source, MotionSource) else 0,
             source=None if isinstance(old.source, MotionSource) else old.source,
             personality=personality,
+            aux=old.aux,
         )
         new.clock = old.clock
         site.put(new)

@@ -3,8 +3,10 @@
 The data sheet gives only a bandwidth and a delay for each setting (RM register 26), so the shape is chosen: a gamma
 density (n + 1/2)^(shape - 1) exp(-(n + 1/2)/scale), which is a row of equal one-pole filters where the shape is
 a whole number. Its two parameters meet both figures for settings 0 to 4. They cannot for settings 5 and 6, where
-the delay printed is shorter than that of any filter with that bandwidth that falls without a peak; there the
-bandwidth is met by one pole, whose delay is 15.4 ms (printed 13.4 and 13.8) and 31.3 ms (printed 18.6 and 19.0).
+the delay printed is shorter than one pole's of that bandwidth; there the bandwidth is met by one pole, whose delay is
+15.4 ms (printed 13.4 and 13.8) and 31.3 ms (printed 18.6 and 19.0). A pole with a direct path beside it would meet
+setting 5, but let through all that is faster at -14.5 dB, and at 5 Hz it has 22.5 ms or more; a resonance would meet
+both, with peaks of 5 and 8 dB: none of them is what one takes for the low-pass filter of such a chip.
 The accelerometer's delay at setting 0 is 0.35 ms (printed 0).
 """
 

@@ -9,6 +9,8 @@ from typing import ClassVar
 
 from hw_fakes import registers as reg
 
+PORTS = (reg.MEM_R_W, reg.FIFO_R_W)  # the pointer stays there
+
 _LEAST_AND_MOST = {
     "register": (0, reg.COUNT - 1),
     "value": (0, 0xFF),
@@ -84,24 +86,13 @@ class Happened:
 
 
 def registers_from(pointer: int | None, n: int) -> list[int | None]:
-    """The registers that `n` bytes from `pointer` on belong to; the pointer stays on the FIFO's port."""
+    """The registers that `n` bytes from `pointer` on belong to; None where the pointer is not known."""
     found: list[int | None] = []
     for _ in range(n):
         found.append(pointer)
-        pointer = next_register(pointer)
+        if pointer is not None and pointer not in PORTS:
+            pointer = (pointer + 1) % reg.COUNT
     return found
-
-
-def next_register(pointer: int | None, n: int = 1) -> int | None:
-    """Where the pointer is after `n` bytes."""
-    if pointer is None or pointer == reg.FIFO_R_W:
-        return pointer
-    if pointer < reg.FIFO_R_W <= pointer + n:
-        return reg.FIFO_R_W
-    beyond = pointer + n
-    if beyond >= reg.COUNT:
-        return next_register(0, beyond - reg.COUNT)
-    return beyond
 
 
 def one_of(places: list[int], rng: Random) -> int | None:

@@ -22,7 +22,7 @@ class FaultEntry:
     """A fault and when it happens; where nothing is said, once and at once.
 
     at_s        when, in s of the fake world; with `every_s`, `p` or `per_minute`: from when on
-    every_s     again and again; first at `at_s`, or that long after it is added
+    every_s     again and again, 0.001 and more; first at `at_s`, or that long after it is added
     p           with this probability in each transfer
     per_minute  at random, so often in the mean (Poisson)
     for_s       how long it lasts; without, a fault of the wires takes `n` transfers, and one of the chip does not end
@@ -53,6 +53,8 @@ class FaultEntry:
         for key, time in (("every", self.every_s), ("for", self.for_s), ("per_minute", self.per_minute)):
             if time is not None and not 0 < time < math.inf:
                 raise ValueError(f"{key} {time:g} of {name} is not above 0")
+        if (self.every_s or 1) < 0.001 or (self.per_minute or 1) > 60_000:
+            raise ValueError(f"{name} is to happen more often than once a ms: take p, the share of the transfers")
         if self.p is not None and not 0 < self.p <= 1:
             raise ValueError(f"p {self.p:g} of {name} is no probability above 0 and up to 1")
         if self.n is not None and self.n < 1:
@@ -104,6 +106,11 @@ def parse_lines(text: str) -> list[FaultEntry]:
     """The entries of a file: one a line; empty lines, and what stands after a #, are passed over."""
     lines = (line.partition("#")[0].strip() for line in text.splitlines())
     return [parse(line) for line in lines if line]
+
+
+def own_keys(kind: type[Fault]) -> list[str]:
+    """The keys that a kind has in the text form beside those of every entry."""
+    return [_key(field.name) for field in fields(kind)]
 
 
 def _key(field: str) -> str:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from hw_fakes.chip import FakeMpu6050
 from hw_fakes.chip_faults import ChipFault, Site, seen_at
-from hw_fakes.fault_base import Fault, Happened, Touch, next_register, registers_from
+from hw_fakes.fault_base import Fault, Happened, Touch, registers_from
 from hw_fakes.fault_plan import FaultEntry
 from hw_fakes.target import Target
 from hw_fakes.wire_faults import WireFault
@@ -80,18 +80,30 @@ class Faults:
 
     @property
     def plan(self) -> tuple[FaultEntry, ...]:
-        """The entries added since the last `clear`."""
+        """The entries that are to come, or to come again."""
         return tuple(self._plan)
+
+    @property
+    def lasting(self) -> tuple[tuple[Fault, int], ...]:
+        """The faults of chips that are not over, with the chip's address."""
+        return tuple((one.kind, one.address) for one in self._lasting)
 
     def time_s(self, t_ns: int | None = None) -> float:
         """Time of the fake world at clock time `t_ns`, or now."""
         return ((self._clock.now_ns() if t_ns is None else t_ns) - self._birth_ns) / NS_PER_S
 
     def add(self, entry: FaultEntry) -> None:
-        """Add an entry to the plan. Raises ValueError where its time is past."""
+        """Add an entry to the plan.
+
+        Raises ValueError where its time was past already when the last transfer was made, or the chip it means is not
+        there.
+        """
         now_ns = self._clock.now_ns()
+        if isinstance(entry.kind, ChipFault) and not self._chips(entry.address):
+            where = "on these wires" if entry.address is None else f"at 0x{entry.address:02x}"
+            raise ValueError(f"there is no MPU-6050 {where} for {entry}: give the address of one")
         from_ns = now_ns if entry.at_s is None else self._birth_ns + round(entry.at_s * NS_PER_S)
-        if from_ns < now_ns:
+        if from_ns < now_ns and self._adapter.transfers:
             raise ValueError(f"{entry} is past, it is {self.time_s(now_ns):.3f} s: give a later at, or leave it out")
         rng = Random(f"{entry.seed} {self._added}")
         self._added += 1
@@ -104,7 +116,7 @@ class Faults:
             first_ns = from_ns + (0 if entry.at_s is not None else round(entry.every_s * NS_PER_S))
             self._later(first_ns, partial(self._again, entry, rng))
         else:
-            self._later(from_ns, partial(self._happen, entry, rng))
+            self._later(from_ns, partial(self._once, entry, rng))
         self.catch_up()
 
     def now(
@@ -185,7 +197,7 @@ class Faults:
                 payload, cut = spoilt.data, cut or spoilt.cut
         self._adapter.carry(target, payload)
         if payload:
-            self._pointers[address] = next_register(payload[0] & 0x7F, len(payload) - 1)
+            self._pointers[address] = registers_from(payload[0] & 0x7F, len(payload))[-1]
         if cut:
             self._adapter.not_taken()
         return b""
@@ -208,7 +220,7 @@ class Faults:
 
     def _read(self, address: int, target: Target, n: int) -> bytes:
         pointer = self._pointers.get(address)
-        registers = registers_from(pointer, n)
+        *registers, self._pointers[address] = registers_from(pointer, n + 1)
         answer = b""
         for active in self._acting(address):
             gap = active.kind.split(registers, active.rng)
@@ -222,7 +234,6 @@ class Faults:
                     self._clock.sleep_until_ns(self._clock.now_ns() + round(gap.later_s * NS_PER_S))
                 break
         answer += self._adapter.carry(target, n - len(answer))
-        self._pointers[address] = next_register(pointer, n)
         for active in self._acting(address):
             spoilt = active.kind.spoil_read(answer, registers, active.rng)
             if spoilt:
@@ -243,10 +254,14 @@ class Faults:
         self._on_agenda += 1
         heapq.heappush(self._agenda, (t_ns, self._on_agenda, action))
 
+    def _once(self, entry: FaultEntry, rng: Random, t_ns: int) -> None:
+        self._plan = [one for one in self._plan if one is not entry]
+        self._happen(entry, rng, t_ns)
+
     def _again(self, entry: FaultEntry, rng: Random, t_ns: int) -> None:
         self._happen(entry, rng, t_ns)
         gap_ns = _gap_ns(entry.per_minute, rng) if entry.per_minute else round((entry.every_s or 0) * NS_PER_S)
-        self._later(t_ns + max(1, gap_ns), partial(self._again, entry, rng))
+        self._later(t_ns + gap_ns, partial(self._again, entry, rng))
 
     def _happen(self, entry: FaultEntry, rng: Random, t_ns: int) -> None:
         for_ns = None if entry.for_s is None else round(entry.for_s * NS_PER_S)

@@ -6,10 +6,14 @@ SIZE = 1024
 
 
 class Fifo:
-    """Bytes in, bytes out, oldest first; what does not fit pushes the oldest out."""
+    """Bytes in, bytes out, oldest first.
+
+    stops  what does not fit is lost, to the byte; otherwise it pushes the oldest out
+    """
 
     def __init__(self, *, size: int = SIZE) -> None:
         self.size = size
+        self.stops = False
         self.content = bytearray()
         self.last_read = 0
 
@@ -22,7 +26,10 @@ class Fifo:
         lost = len(self.content) - self.size
         if lost <= 0:
             return False
-        del self.content[:lost]
+        if self.stops:
+            del self.content[self.size :]
+        else:
+            del self.content[:lost]
         return True
 
     def pop(self, n: int) -> bytes:

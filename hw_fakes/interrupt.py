@@ -24,28 +24,38 @@ class Edge:
 
 @dataclass(frozen=True, slots=True)
 class _Pulses:
-    """Even pulses, number `first` up to `end`; those begun or still lasting at `cut_ns` end there."""
+    """Even pulses, number `first` up to `end`; those begun or still lasting at `cut_ns` end there.
+
+    Pulse n = 0, 1, ... begins n + 1 periods, each of `divider` ticks, after the start. None lasts longer than half a
+    period: at 32 kHz, which the 6500 class can do, 50 us would run into the next.
+    """
 
     start_ns: int
-    period_ns: float
+    tick_ns: float
+    divider: int
     first: int
     end: int
     active_high: bool
     cut_ns: int | None = None
 
     def begin_ns(self, n: int) -> int:
-        return self.start_ns + math.ceil((n + 1) * self.period_ns)
+        return self.start_ns + math.ceil((n + 1) * self.divider * self.tick_ns)
+
+    @property
+    def lasts_ns(self) -> int:
+        period_ns = self.divider * self.tick_ns
+        return min(PULSE_NS, int(period_ns / 2)) if period_ns else PULSE_NS
 
     def edges(self, since_ns: int, now_ns: int) -> Iterator[Edge]:
-        first = self.first
-        if self.period_ns:
-            first = max(first, int((since_ns - PULSE_NS - self.start_ns) / self.period_ns) - 1)
+        first, lasts_ns = self.first, self.lasts_ns
+        if self.tick_ns:
+            first = max(first, int((since_ns - PULSE_NS - self.start_ns) / (self.tick_ns * self.divider)) - 1)
         until_ns = now_ns if self.cut_ns is None else min(self.cut_ns, now_ns)
         for n in range(first, self.end):
             begin_ns = self.begin_ns(n)
             yield Edge(begin_ns, self.active_high)
-            if begin_ns + PULSE_NS <= until_ns or self.cut_ns is not None:
-                yield Edge(min(begin_ns + PULSE_NS, until_ns), not self.active_high)
+            if begin_ns + lasts_ns <= until_ns or self.cut_ns is not None:
+                yield Edge(min(begin_ns + lasts_ns, until_ns), not self.active_high)
 
 
 class IntPin:
@@ -79,28 +89,25 @@ class IntPin:
         if self._enabled & reg.DATA_RDY_INT:
             begin = first
         elif self._enabled & reg.FIFO_OFLOW_INT:
-            begin = overflow
+            begin = max(first, overflow)
         else:
             return
         if begin >= end:
             return
-        pulses = _Pulses(run.start_ns, run.period_ns, begin, end, self._active_high)
+        pulses = _Pulses(run.start_ns, run.tick_ns, run.divider, begin, end, self._active_high)
         if self._config & reg.LATCH_INT_EN:
-            last = self._history[-1] if self._history else None
-            # A sample within a transaction shows in the status, and so at the pin, only once that is over.
-            earliest_ns = last.t_ns if isinstance(last, Edge) else 0
-            self._settle(max(pulses.begin_ns(begin), earliest_ns), status=self._enabled)
+            self._latch(pulses.begin_ns(begin))
         else:
             self._append(pulses)
 
-    def overflowed(self, now_ns: int) -> None:
-        """A byte written to the FIFO pushed another out."""
-        if not (self.connected and self._enabled & reg.FIFO_OFLOW_INT):
+    def happened(self, interrupt: int, t_ns: int) -> None:
+        """Something that sets this bit of INT_STATUS happened by itself at `t_ns`, not before what came earlier."""
+        if not (self.connected and self._enabled & interrupt):
             return
         if self._config & reg.LATCH_INT_EN:
-            self._settle(now_ns, status=reg.FIFO_OFLOW_INT)
-        elif not self._in_pulse(now_ns):
-            self._append(_Pulses(now_ns, 0.0, 0, 1, self._active_high))
+            self._latch(t_ns)
+        elif not self._in_pulse(t_ns):
+            self._append(_Pulses(t_ns, 0.0, 1, 0, 1, self._active_high))
 
     def high(self, now_ns: int) -> bool:
         """Whether the pin's level is high."""
@@ -128,11 +135,17 @@ class IntPin:
             self._high = high
             self._history.append(Edge(t_ns, high))
 
+    def _latch(self, t_ns: int) -> None:
+        last = self._history[-1] if self._history else None
+        # What falls within a transaction shows in the status, and so at the pin, only once that is over.
+        earliest_ns = last.t_ns if isinstance(last, Edge) else 0
+        self._settle(max(t_ns, earliest_ns), status=self._enabled)
+
     def _in_pulse(self, now_ns: int) -> bool:
         last = self._history[-1] if self._history else None
         if not isinstance(last, _Pulses) or last.cut_ns is not None:
             return False
-        return now_ns < last.begin_ns(last.end - 1) + PULSE_NS
+        return now_ns < last.begin_ns(last.end - 1) + last.lasts_ns
 
     def _append(self, pulses: _Pulses) -> None:
         last = self._history[-1] if self._history else None

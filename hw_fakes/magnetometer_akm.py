@@ -109,7 +109,9 @@ class Akm(Magnetometer):
         control, self_test = measurement.settings
         if control & 0x0F == SELF_TEST and self_test & SELF:
             return SELF_TEST_UT
-        return self.field_ut(measurement.t_ns) + self.noise_ut(measurement.number)
+        field_ut, noise_ut = self._field_and_noise_ut(measurement)
+        adjusted: FloatArray = field_ut + noise_ut
+        return adjusted
 
     def _counts(self, measurement: Measurement) -> tuple[int, int, int]:
         ut_per_lsb, lowest, highest = self._resolution(measurement.settings[0])

@@ -35,6 +35,15 @@ class MagnetometerImperfections:
 
 
 PERFECT_MAGNETOMETER = MagnetometerImperfections()
+"""No error but the resolution of the words."""
+
+TYPICAL_MAGNETOMETER = MagnetometerImperfections(
+    hard_iron_ut=(14.0, -22.0, 9.0),
+    soft_iron=((1.04, 0.02, -0.01), (0.02, 0.97, 0.015), (-0.01, 0.015, 1.01)),
+    noise_ut=0.3,
+    rate_error=0.01,
+)
+"""One on a board with pins and screws near by: plausible, but of no part in particular."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,6 +93,7 @@ class Magnetometer(ABC):
     _ended: int  # of the series
     _shown: Measurement | None
     _words: tuple[int, int, int] | None
+    _felt: tuple[Measurement, FloatArray, FloatArray] | None
 
     def __init__(
         self,
@@ -184,7 +194,7 @@ class Magnetometer(ABC):
 
     def _reset(self) -> None:
         """Power-up values, and no data."""
-        self._series = self._shown = self._words = None
+        self._series = self._shown = self._words = self._felt = None
         self._ended = 0
         self._power_up()
 
@@ -200,6 +210,12 @@ class Magnetometer(ABC):
 
     def _show(self, measurement: Measurement) -> None:
         self._shown, self._words = measurement, None
+
+    def _field_and_noise_ut(self, measurement: Measurement) -> tuple[FloatArray, FloatArray]:
+        """What a measurement felt (3,), and its noise (3,); that of the last one asked for is kept."""
+        if self._felt is None or self._felt[0] is not measurement:
+            self._felt = measurement, self.field_ut(measurement.t_ns), self.noise_ut(measurement.number)
+        return self._felt[1:]
 
     def _data(self) -> tuple[int, int, int]:
         """The x y z words of the measurement shown; zeros before the first."""

@@ -66,15 +66,14 @@ class Hmc5883l(Magnetometer):
     def _counts(self, measurement: Measurement) -> tuple[int, int, int]:
         config_a, gain = measurement.settings
         lsb_per_ut = GAINS[gain] / UT_PER_GAUSS
-        field_ut, shown_ut = self.field_ut(measurement.t_ns), np.zeros(3)
+        field_ut, noise_ut = self._field_and_noise_ut(measurement)
+        noise_ut = noise_ut / np.sqrt(1 << (config_a >> 5 & 3))
+        shown_ut = field_ut
         if config_a & 3 in (1, 2):
             # DS 19: a measurement with the strap's field less one without, so that the world's cancels; but the
             # first of the two can saturate.
             shown_ut = SELF_TEST_UT if config_a & 3 == 1 else -SELF_TEST_UT
             field_ut = field_ut + shown_ut
-        else:
-            shown_ut = field_ut
-        noise_ut = self.noise_ut(measurement.number) / np.sqrt(1 << (config_a >> 5 & 3))
         seen = np.rint((field_ut + noise_ut) * lsb_per_ut)
         shown = np.rint((shown_ut + noise_ut) * lsb_per_ut)
         return triple(np.where((seen < -2048) | (seen > 2047), SATURATED, shown))

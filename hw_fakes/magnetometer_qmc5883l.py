@@ -75,10 +75,10 @@ class Qmc5883l(Magnetometer):
 
     def _raw(self, measurement: Measurement) -> tuple[int, int, int]:
         (control,) = measurement.settings
+        field_ut, noise_ut = self._field_and_noise_ut(measurement)
         # Noise is that of the highest oversampling, 512, and grows as the square root of what is left out.
-        noise_ut = self.noise_ut(measurement.number) * np.sqrt(1 << (control >> 6))
-        lsb_per_ut = LSB_PER_GAUSS[control >> 4 & 3] / UT_PER_GAUSS
-        return triple((self.field_ut(measurement.t_ns) + noise_ut) * lsb_per_ut)
+        shown_ut = field_ut + noise_ut * np.sqrt(1 << (control >> 6))
+        return triple(shown_ut * (LSB_PER_GAUSS[control >> 4 & 3] / UT_PER_GAUSS))
 
     def _counts(self, measurement: Measurement) -> tuple[int, int, int]:
         x, y, z = (max(-32768, min(32767, word)) for word in self._raw(measurement))

@@ -71,6 +71,10 @@ class Personality:
     def fifo_size(self, registers: bytes | bytearray) -> int:
         return self.fifo_bytes[registers[self.accel_filter] >> 6 if len(self.fifo_bytes) > 1 else 0]
 
+    def fifo_stops(self, registers: bytes | bytearray) -> bool:
+        """Whether a full FIFO refuses bytes (RM9250 register 26) and does not lose the oldest."""
+        return self.class_6500 and bool(registers[reg.CONFIG] & reg.FIFO_MODE)
+
     def self_test_response(self, codes: tuple[int, ...]) -> NDArray[np.float64]:
         """Accelerometer x y z in LSB at +-8 g, then gyroscope x y z in LSB at +-250 deg/s, that the codes stand for."""
         if len(codes) == 4:

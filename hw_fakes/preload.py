@@ -13,7 +13,7 @@ import subprocess
 import sys
 import tempfile
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
@@ -36,23 +36,31 @@ def run_with_device(program: Sequence[str], *, adapter: Adapter, bus: int = 1) -
     Raises SettingsError where the shim cannot be built.
     """
     with served_device(adapter, bus=bus) as environment:
-        try:
-            process = subprocess.Popen(program, env={**os.environ, **environment})
-        except OSError as error:
-            print(f"hw_fakes: cannot run {program[0]}: {error.strerror}", file=sys.stderr)
-            return SHELL_NOT_FOUND if isinstance(error, FileNotFoundError) else SHELL_CANNOT_RUN
+        return run_program(program, environment)
 
-        def pass_on(number: int, _frame: FrameType | None) -> None:
-            # A terminal has sent its Ctrl-C to the program too.
-            if number != signal.SIGINT:
-                process.send_signal(number)
 
-        before = {number: signal.signal(number, pass_on) for number in (signal.SIGINT, signal.SIGTERM)}
-        try:
-            code = process.wait()
-        finally:
-            for number, handler in before.items():
-                signal.signal(number, handler)
+def run_program(program: Sequence[str], environment: Mapping[str, str]) -> int:
+    """Run `program` with `environment` added to this one, pass SIGTERM on to it, and return its exit code as a shell's.
+
+    127 where there is no such program, 126 where it cannot be run.
+    """
+    try:
+        process = subprocess.Popen(program, env={**os.environ, **environment})
+    except OSError as error:
+        print(f"hw_fakes: cannot run {program[0]}: {error.strerror}", file=sys.stderr)
+        return SHELL_NOT_FOUND if isinstance(error, FileNotFoundError) else SHELL_CANNOT_RUN
+
+    def pass_on(number: int, _frame: FrameType | None) -> None:
+        # A terminal has sent its Ctrl-C to the program too.
+        if number != signal.SIGINT:
+            process.send_signal(number)
+
+    before = {number: signal.signal(number, pass_on) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        code = process.wait()
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
     return code if code >= 0 else SHELL_SIGNAL - code
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import ceil
 from typing import Protocol
 
 import numpy as np
@@ -36,6 +37,10 @@ class Run:
     def period_ns(self) -> float:
         """True time between two samples."""
         return self.tick_ns * self.divider
+
+    def time_ns(self, ticks: int) -> int:
+        """When the gyroscope gives its output number `ticks`, counted from 1."""
+        return self.start_ns + ceil(ticks * self.tick_ns)
 
     def samples_by(self, now_ns: int) -> int:
         """How many samples have fallen by `now_ns`."""

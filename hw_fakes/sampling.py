@@ -5,13 +5,22 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from hw_fakes import registers as reg
+from hw_fakes.aux_master import AuxMaster
 from hw_fakes.fifo import Fifo
 from hw_fakes.interrupt import IntPin
+from hw_fakes.motion_detection import Detection, Event, Rules
 from hw_fakes.personalities import Personality
 from hw_fakes.prefetch import NO_DATA, Prefetch
 from hw_fakes.samples import CountArray, Run, SampleSource
 from hw_fakes.setup import Setup, decode
 from quavelet.core.units import NS_PER_S
+
+# The registers that say what to do: those of results, status, FIFO and DMP memory between them are left out.
+_CONFIGURATION = ((0x00, 0x35), (reg.INT_PIN_CFG, reg.DMP_INT_STATUS), (0x62, 0x6D), (0x76, reg.COUNT))
+
+# Of samples that nobody saw fall, the auxiliary master does the transactions of so many, the newest; older ones could
+# show only in how far the chips on its bus have come.
+_AUX_SAMPLES = 128
 
 
 class Sampling:
@@ -34,6 +43,8 @@ class Sampling:
         personality: Personality,
         pll_error: float,
         internal_error: float,
+        rules: Rules,
+        aux: AuxMaster | None,
     ) -> None:
         self.run: Run | None = None
         self.samples_taken = 0
@@ -46,7 +57,10 @@ class Sampling:
         self._pll_error = pll_error
         self._internal_error = internal_error
         self._setup = decode(reg.POWER_UP)
+        self._configured = b""
         self._prefetch = Prefetch(source)
+        self._detection = Detection(source, rules)
+        self._aux = aux
         self._shadow: bytes | None = NO_DATA  # None: the newest sample, not looked at yet
         self._runs = 0
         self._taken = 0  # of the samples of this run
@@ -55,10 +69,20 @@ class Sampling:
     def follow(self, t_ns: int) -> None:
         """Obey the configuration registers, which have been as they are since `t_ns`."""
         self._pin.follow(self._registers, t_ns)
-        self._fifo.resize(self._personality.fifo_size(self._registers))
-        setup = decode(self._registers, personality=self._personality)
-        if setup == self._setup:
+        configured = b"".join(self._registers[first:end] for first, end in _CONFIGURATION)
+        if configured == self._configured:
             return
+        self._configured = configured
+        self._fifo.resize(self._personality.fifo_size(self._registers))
+        self._fifo.stops = self._personality.fifo_stops(self._registers)
+        setup = decode(self._registers, personality=self._personality)
+        if setup != self._setup:
+            self._adopt(setup, t_ns)
+        self._detection.follow(self._registers, self.run, setup, t_ns)
+        if self._aux:
+            self._aux.follow(self._registers)
+
+    def _adopt(self, setup: Setup, t_ns: int) -> None:
         self.newest()  # shows what it was taken with
         before, self._setup = self._setup, setup
         self._prefetch.clear()
@@ -82,6 +106,8 @@ class Sampling:
         self.past_end = limit is not None and due > limit
         if limit is not None:
             due = min(due, limit)
+        for event in self._detection.events(now_ns):
+            self._detected(self.run, event, due)
         if due > self._taken:
             self._take(self.run, due)
 
@@ -94,6 +120,7 @@ class Sampling:
     def recompute(self) -> None:
         """Samples computed ahead are forgotten: the source has changed."""
         self._prefetch.clear()
+        self._detection.forget()
         self._source.forget()
 
     @property
@@ -105,14 +132,31 @@ class Sampling:
     def spoil(self, spoil: Callable[[CountArray], CountArray] | None) -> None:
         self._prefetch.spoil = spoil
 
+    def restart_detection(self) -> None:
+        """The accelerometer's signal path is reset."""
+        self._detection.restart()
+
     def blank(self) -> None:
         """The sensor registers are cleared, until the next sample."""
         self._shadow = NO_DATA
+        self._registers[reg.EXT_SENS_DATA : reg.MOT_DETECT_STATUS] = bytes(24)
 
     def switch_off(self) -> None:
         """There is no supply: nothing is sampled, and nothing is shown."""
         self._setup = decode(reg.POWER_UP)
-        self.run, self._shadow = None, NO_DATA
+        self._detection.restart()
+        self.run, self._shadow, self._configured = None, NO_DATA, b""
+
+    def _detected(self, run: Run, event: Event, due: int) -> None:
+        fallen = min(due, event.ticks // run.divider)
+        if fallen > self._taken and self._registers[reg.INT_ENABLE] & event.interrupt:
+            self._take(run, fallen)  # so that the pin moves in the order of time
+        self._registers[reg.INT_STATUS] |= event.interrupt
+        self._registers[reg.MOT_DETECT_STATUS] |= event.status
+        if event.at_rest is not None:
+            self._registers[reg.MOT_DETECT_STATUS] &= ~reg.AT_REST & 0xFF
+            self._registers[reg.MOT_DETECT_STATUS] |= event.at_rest
+        self._pin.happened(event.interrupt, run.time_ns(event.ticks))
 
     def _take(self, run: Run, due: int) -> None:
         first, self._taken = self._taken, due
@@ -120,14 +164,48 @@ class Sampling:
         self._shadow = None
         # Both bits are set whether or not INT_ENABLE lets them out to the pin.
         self._registers[reg.INT_STATUS] |= reg.DATA_RDY_INT
-        frame, overflow = 2 * len(self._setup.fifo_words), due
-        if frame:
-            overflow = first + (self._fifo.size - len(self._fifo)) // frame
-            # Of more samples than the FIFO holds only the newest can be seen, but one more, so that it overflows.
-            seen = min(due - first, self._fifo.size // frame + 1)
-            if self._fifo.push(self._prefetch.frames(run, self._setup, due - seen, due)):
-                self._registers[reg.INT_STATUS] |= reg.FIFO_OFLOW_INT
+        frame = self._frame_bytes()
+        # Of more samples than the FIFO holds only the newest can be seen, or where it stops, only the oldest; but one
+        # more, so that it overflows.
+        seen = min(due - first, self._fifo.size // frame + 1) if frame else 0
+        begin = first if self._fifo.stops else due - seen
+        overflow = first + (self._fifo.size - len(self._fifo)) // frame if frame else due
+        external, alarms = self._external(run, first, due, range(begin, begin + seen))
+        if frame and self._fifo.push(self._frames(run, begin, begin + seen, external)):
+            self._registers[reg.INT_STATUS] |= reg.FIFO_OFLOW_INT
+        for n in alarms:
+            self._pin.sampled(run, first, n + 1, overflow)
+            self._pin.happened(reg.I2C_MST_INT, run.time_ns((n + 1) * run.divider))
+            first = n + 1
         self._pin.sampled(run, first, due, overflow)
+
+    def _frame_bytes(self) -> int:
+        """What a sample puts into the FIFO."""
+        words = 2 * len(self._setup.fifo_words)
+        if self._aux and self._registers[reg.USER_CTRL] & reg.USER_FIFO_EN:
+            return words + len(self._aux.fifo_bytes(self._registers))
+        return words
+
+    def _frames(self, run: Run, begin: int, end: int, external: dict[int, bytes]) -> bytes:
+        frames = self._prefetch.frames(run, self._setup, begin, end)
+        if not external:
+            return frames
+        words = 2 * len(self._setup.fifo_words)
+        return b"".join(frames[words * i : words * (i + 1)] + external[begin + i] for i in range(end - begin))
+
+    def _external(self, run: Run, first: int, due: int, fifo: range) -> tuple[dict[int, bytes], list[int]]:
+        """What the auxiliary bus adds to the frames of samples `fifo`, and which samples raised its interrupt."""
+        external: dict[int, bytes] = {}
+        alarms: list[int] = []
+        if self._aux is None or not (self._aux.active(self._registers) or self._aux.fifo_bytes(self._registers)):
+            return external, alarms
+        for n in sorted({*fifo, *range(max(first, due - _AUX_SAMPLES), due)}):
+            if self._aux.sample(self._registers, n, run.time_ns((n + 1) * run.divider)):
+                self._registers[reg.INT_STATUS] |= reg.I2C_MST_INT
+                alarms.append(n)
+            if n in fifo:
+                external[n] = self._aux.fifo_bytes(self._registers)
+        return external, alarms
 
     def _new_run(self, setup: Setup, t_ns: int) -> Run:
         error = self._pll_error if setup.on_pll else self._internal_error

@@ -9,6 +9,7 @@ from hw_fakes.imperfections import TYPICAL
 from hw_fakes.motion import Motion, Still, Sway, Tilt, Turntable
 from hw_fakes.motion_bench import Coning, SixFaces
 from hw_fakes.motion_carried import Drone, Walk
+from hw_fakes.motion_recorded import load_motion
 from quavelet.core.clock import Clock
 from quavelet.core.errors import SettingsError
 
@@ -23,23 +24,42 @@ MOTIONS: dict[str, Motion] = {
     "drone": Drone(),
 }
 COUNTS = "counts:"
+RECORDED = "motion:"
 ADDRESS = 0x68
+SEED = 6050
 
 
 def open_fake(which: str, /, *, clock: Clock) -> FakeBus:
     """The bus `fake:WHICH`, with one MPU-6050 at 0x68: `targets[0x68]` is the chip, and its `motion` the truth.
 
-    WHICH is a name of `MOTIONS` (a chip with TYPICAL imperfections) or `counts:FILE.npz` (recorded counts, see
+    WHICH is what `motion_named` takes (a chip with TYPICAL imperfections) or `counts:FILE.npz` (recorded counts, see
     `RecordedCounts`). Raises SettingsError for any other, or where the file cannot be used.
     """
+    check_name(which)
     if which.startswith(COUNTS):
         chip = counts_chip(RecordedCounts.load(which.removeprefix(COUNTS)), clock=clock)
-    elif which in MOTIONS:
-        chip = FakeMpu6050(clock, motion=MOTIONS[which], imperfections=TYPICAL, seed=6050)
     else:
-        names = [f"fake:{name}" for name in (*MOTIONS, f"{COUNTS}FILE.npz")]
-        raise SettingsError(f"there is no 'fake:{which}': take one of {', '.join(names)}")
+        chip = FakeMpu6050(clock, motion=motion_named(which), imperfections=TYPICAL, seed=SEED)
     return FakeBus({ADDRESS: chip}, clock=clock, name=f"fake:{which}")
+
+
+def motion_named(which: str) -> Motion:
+    """A motion by its name in `MOTIONS`, or the recording of `motion:FILE.npz`, see `motion_recorded.load_motion`.
+
+    Raises SettingsError for any other name, or where the file cannot be used.
+    """
+    if which.startswith(RECORDED):
+        return load_motion(which.removeprefix(RECORDED))
+    if which not in MOTIONS:
+        raise SettingsError(f"there is no motion '{which}': take one of {', '.join(MOTIONS)}, {RECORDED}FILE.npz")
+    return MOTIONS[which]
+
+
+def check_name(which: str) -> None:
+    """Raises SettingsError where `fake:WHICH` is the name of no world."""
+    if which not in MOTIONS and not which.startswith((RECORDED, COUNTS)):
+        names = [f"fake:{name}" for name in (*MOTIONS, f"{RECORDED}FILE.npz", f"{COUNTS}FILE.npz")]
+        raise SettingsError(f"there is no 'fake:{which}': take one of {', '.join(names)}")
 
 
 def counts_chip(recording: RecordedCounts, *, clock: Clock) -> FakeMpu6050:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from aux_bench import CHIP, EN, NOBODY, OTHER, READ, SLV4_CTRL, Bench, Silent
 
-from hw_fakes.aux_master import Bypassed, SettableClock
+from hw_fakes.aux_master import SettableClock
 from hw_fakes.magnetometer_akm import Ak8963
 from hw_fakes.magnetometer_base import MagnetometerImperfections
 from hw_fakes.magnetometer_hmc5883l import Hmc5883l
@@ -64,7 +64,7 @@ def test_bypass_needs_its_bit_and_the_master_off():
 def test_chip_behind_the_bypass_is_silent_while_that_is_closed():
     bench = Bench()
     bench.wr(0x6A, 0x00)
-    door = Bypassed(bench.master.targets[CHIP], lambda: bench.master.bypass(bench.registers))
+    door = bench.master.outside(bench.registers)[CHIP]
     with pytest.raises(Nack):
         door.write(b"\x10")
     with pytest.raises(Nack):

@@ -10,6 +10,7 @@ from fault_ways import happened, names
 from hypothesis import given
 from hypothesis import strategies as st
 
+from hw_fakes import FakeMpu6050
 from hw_fakes.chip_faults import BrownOut, ChipFault, Unplugged
 from hw_fakes.fault_plan import KINDS, FaultEntry, parse, parse_lines
 from hw_fakes.personalities import PERSONALITIES
@@ -50,7 +51,7 @@ def entries(draw):
         when["at_s"] = draw(st.floats(0, 1e9))
     often = draw(st.sampled_from([None, "every_s", "p", "per_minute"]))
     if often:
-        when[often] = draw(st.floats(1e-9, 1) if often == "p" else times)
+        when[often] = draw(st.floats(*{"p": (1e-9, 1), "every_s": (1e-3, 1e9), "per_minute": (1e-9, 6e4)}[often]))
     if kind.lasts and draw(st.booleans()):
         when["for_s"] = draw(times)
     if not issubclass(kind, ChipFault) and draw(st.booleans()):
@@ -94,6 +95,8 @@ def test_the_pages_texts_are_not_understood():
         ("nack at=5 at=6", "nack has at twice"),
         ("nack at=-1", "at -1 of nack is no time"),
         ("nack at=nan", "at nan of nack is no time"),
+        ("nack every=1e-9", "nack is to happen more often than once a ms: take p"),
+        ("nack per_minute=1e9", "nack is to happen more often than once a ms: take p"),
         ("nack every=0", "every 0 of nack is not above 0"),
         ("nack for=inf", "for inf of nack is not above 0"),
         ("nack p=1.5", "p 1.5 of nack is no probability"),
@@ -152,10 +155,21 @@ def test_the_same_plan_gives_other_faults(make_board):
 
 
 def test_entries_of_one_seed_happen_together(make_board):
-    _, history = session(make_board, "nack p=0.05", "eio p=0.05")
-    at_ns = {name: {one.t_ns for one in history if one.kind.name == name} for name in ("nack", "eio")}
-    assert len(at_ns["nack"] - at_ns["eio"]) > 50
-    assert len(at_ns["eio"] - at_ns["nack"]) > 50
+    _, history = session(make_board, "slow p=0.05", "zeros p=0.05")
+    at_ns = {name: {one.t_ns for one in history if one.kind.name == name} for name in ("slow", "zeros")}
+    assert len(at_ns["slow"] - at_ns["zeros"]) > 50
+    assert len(at_ns["zeros"] - at_ns["slow"]) > 50
+
+
+def test_a_share_for_one_chip_is_of_all_transfers(make_board):
+    board = make_board()
+    board.bus.adapter.attach(0x69, FakeMpu6050(board.clock))
+    board.bus.adapter.faults.add(parse("zeros p=0.1 address=0x69"))
+    for _ in range(1000):
+        for address in (0x68, 0x68, 0x68, 0x69):
+            board.bus.write_read(address, b"\x75", 1)
+    assert {one.address for one in happened(board)} == {0x69}
+    assert len(happened(board)) == pytest.approx(100, abs=4 * 90**0.5)
 
 
 def test_no_plan_changes_a_session(make_board):
@@ -220,7 +234,8 @@ def test_outages_nobody_met_are_made_up_for(make_board):
 
 
 def test_an_entry_whose_time_is_past_waits_for_ever(board):
-    board.wait_ms(3000)
+    board.byte(0x75)
+    board.wait_ms(3000 - board.clock.now_ns() / 1e6)
     with pytest.raises(ValueError, match=r"nack at=2 is past, it is 3.000 s: give a later at"):
         board.bus.adapter.faults.add(parse("nack at=2"))
 
@@ -256,8 +271,6 @@ def test_who_watches_the_pin_never_sees_a_planned_fault(board):
 
 
 def test_both_chips_of_a_bus_are_hit_by_what_was_meant_for_one(make_board):
-    from hw_fakes import FakeMpu6050
-
     board = make_board()
     board.bus.adapter.attach(0x69, FakeMpu6050(board.clock))
     faults = board.bus.adapter.faults

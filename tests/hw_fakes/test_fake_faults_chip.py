@@ -86,6 +86,13 @@ def test_one_of_the_settings_changes_by_one_bit_unnoticed(board, way):
     assert differ == {touch.register: 1 << touch.bit}
 
 
+def test_a_reserved_bit_changes_by_itself(board, way):
+    for seed in range(20):
+        let_happen(board, way, Changed(register=0x1A), seed=seed)
+    assert board.byte(0x1A) & 0xC0 == 0
+    assert {one.touch.bit for one in happened(board)} == set(range(6))
+
+
 @pytest.mark.parametrize(("n", "rest"), [(1, 13), (5, 9), (-1, 1), (-3, 3)])
 def test_a_slip_leaves_whole_frames(board, way, n, rest):
     board.start_fifo()
@@ -106,6 +113,23 @@ def test_a_slip_of_an_empty_fifo_is_lost(board, way):
     board.wait_ms(30)
     assert board.fifo_count() % 14 == 13
     assert names(board) == ["slip"]
+
+
+def test_a_doubled_byte_finds_room_in_a_full_fifo(board, way):
+    board.start_fifo()
+    board.wait_ms(2000)
+    assert board.fifo_count() == 1024
+    let_happen(board, way, FifoSlip(-5))
+    assert board.fifo_count() == 1024
+
+
+def test_a_provoked_overflow_of_an_empty_fifo_is_lost(board, way):
+    board.start_fifo()
+    let_happen(board, way, FifoOverflow())
+    board.fifo_count()
+    board.wait_ms(30)
+    assert board.fifo_count() == 1024
+    assert board.drain().shape == (73, 7)
 
 
 def test_a_provoked_overflow_goes_unseen(board, way):

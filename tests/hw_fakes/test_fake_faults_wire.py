@@ -7,8 +7,9 @@ import errno
 import pytest
 from fault_ways import WAYS, happened, let_happen, names
 
-from hw_fakes import FakeMpu6050
-from hw_fakes.i2c_adapter import READ
+from hw_fakes import FakeMpu6050, Sway
+from hw_fakes.fault_plan import FaultEntry
+from hw_fakes.i2c_adapter import READ, Adapter
 from hw_fakes.wire_faults import (
     AllOnes,
     AllZero,
@@ -23,6 +24,7 @@ from hw_fakes.wire_faults import (
     TimedOut,
     Torn,
 )
+from quavelet.core.clock import MonotonicClock
 from quavelet.core.errors import BusError
 
 pytestmark = pytest.mark.parametrize("way", WAYS)
@@ -126,6 +128,23 @@ def test_a_bit_flipped_on_its_way_leaves_the_register_right(board, way):
     assert [(one.touch.register, one.touch.byte, one.touch.bit) for one in happened(board)] == [(0x1B, 2, 4)]
 
 
+def test_one_flip_hits_both_reads_of_a_transfer(board, way):
+    let_happen(board, way, FlippedRead())
+    messages = [(0x68, 0, b"\x19"), (0x68, READ, 4), (0x68, 0, b"\x19"), (0x68, READ, 4)]
+    first, second = board.bus.adapter.transfer(messages)[1::2]
+    assert first != second
+    assert names(board) == ["flip"]
+    assert board.bus.adapter.transfer(messages)[1] == second
+
+
+@pytest.mark.parametrize("pointer", [0x19, 0x99])
+def test_a_read_of_its_own_is_told_of_another_register(board, way, pointer):
+    let_happen(board, way, FlippedRead(register=0x1B))
+    board.bus.adapter.transfer([(0x68, 0, bytes([pointer, 7]))])
+    board.bus.adapter.transfer([(0x68, READ, 3)])
+    assert [(one.touch.register, one.touch.byte) for one in happened(board)] == [(0x1B, 1)]
+
+
 def test_a_pointer_is_taken_for_a_value(board, way):
     let_happen(board, way, FlippedWrite())
     assert board.byte(0x75) == 0x68
@@ -143,9 +162,14 @@ def test_a_cut_write_configures_all_or_nothing(board, way, keep, expected):
     assert names(board) == ["cut-write"]
 
 
-def test_a_torn_read_is_of_one_sample(make_board, way):
-    from hw_fakes import Sway
+def test_a_write_too_short_to_cut_is_cut(board, way):
+    let_happen(board, way, CutWrite(keep=1))
+    board.wr(0x19, 7)
+    assert board.byte(0x19) == 7
+    assert names(board) == []
 
+
+def test_a_torn_read_is_of_one_sample(make_board, way):
     board, twin = make_board(motion=Sway()), make_board(motion=Sway())
     for one in (board, twin):
         one.wake(div=0)
@@ -214,3 +238,15 @@ def test_single_messages_go_round_the_faults(board, way):
     adapter.message(0x68, 0, b"\x75")
     assert adapter.message(0x68, READ, 1) == b"\x68"
     adapter.stop()
+
+
+def test_a_time_out_takes_no_time_of_a_real_clock(way):
+    clock = MonotonicClock()
+    adapter = Adapter({0x68: FakeMpu6050(clock)}, clock=clock)
+    at_s = {} if way == "by hand" else {"at_s": 0.0}
+    adapter.faults.add(FaultEntry(TimedOut(takes_s=0.05), **at_s))
+    begun_ns = clock.now_ns()
+    with pytest.raises(TimeoutError):
+        adapter.transfer([(0x68, READ, 1)])
+    assert clock.now_ns() - begun_ns >= 50_000_000
+    assert adapter.busy_ns == 50_000_000 + 11 * BIT_NS

@@ -34,6 +34,20 @@ def test_fifo_is_a_queue_of_1024_bytes_that_drops_the_oldest(steps):
         assert len(fifo) == len(model)
 
 
+@given(st.lists(st.one_of(st.binary(max_size=700), st.integers(1, 1100)), max_size=30))
+def test_fifo_that_stops_keeps_the_oldest(steps):
+    fifo, model = Fifo(), b""
+    fifo.stops = True
+    for step in steps:
+        if isinstance(step, bytes):
+            assert fifo.push(step) == (len(model) + len(step) > 1024)
+            model = (model + step)[:1024]
+        else:
+            fifo.pop(step)
+            model = model[step:]
+        assert bytes(fifo.content) == model
+
+
 def test_frame_is_in_the_order_of_the_register_numbers(make_board):
     board = make_board(motion=LEANING)
     board.wake()
@@ -59,14 +73,19 @@ def test_each_bit_of_fifo_en_sends_its_words(make_board, mask, words):
     assert np.array_equal(frames[-1], board.sensors()[words])
 
 
-@pytest.mark.parametrize(("mask", "frame", "slip"), [(0xF8, 14, 2), (0x78, 12, 4)])
+# Some of the frames that FIFO_EN can make, and what of one is left over in 1024 bytes.
+@pytest.mark.parametrize(
+    ("mask", "frame", "slip"),
+    [(0x80, 2, 0), (0x60, 4, 0), (0x08, 6, 4), (0x88, 8, 0), (0x68, 10, 4), (0x78, 12, 4), (0xF8, 14, 2)],
+)
 def test_overflow_leaves_the_head_inside_a_frame(make_board, mask, frame, slip):
     board = make_board(motion=LEANING)
     board.wake()
     board.start_fifo(mask)
-    board.wait_ms(500)
+    board.wait_ms(600)
     assert board.fifo_count() == 1024
     assert board.byte(0x3A) & 0x10
+    print(f"\nFIFO_EN 0x{mask:02x}: frames of {frame} bytes, the head is {1024 % frame} bytes before one")
     assert 1024 % frame == slip
     data = board.rd(0x74, 1024)
     # The newest byte is the end of a frame, so frames begin `slip` bytes after the head.

@@ -91,6 +91,50 @@ def test_fifo_of_the_6500_class_is_as_large_as_asked_for(make_board, relative, b
     assert board.fifo_count() == 512
 
 
+@pytest.mark.parametrize("step_ms", [700, 1])
+@pytest.mark.parametrize(("mode", "first_ms"), [(0x40, 1), (0x00, 700 - 36)])
+def test_fifo_mode_keeps_the_oldest_samples_or_the_newest(make_board, mode, first_ms, step_ms):
+    parts = Imperfections(temp_degc=-40.0, warm_temp_degc=85.0, warm_up_s=1.0)
+    board = make_board(personality=MPU6500, imperfections=parts)
+    board.wake()
+    board.wr(0x1A, 0x01 | mode)
+    board.start_fifo(0xF8)
+    before = board.chip.samples_taken
+    for _ in range(700 // step_ms):
+        board.wait_ms(step_ms)
+        board.chip.write(b"\x75")
+        board.chip.stop()
+    assert board.fifo_count() == 512
+    assert board.byte(0x3A) & 0x10
+    data = board.rd(0x74, 512)
+    slip = 0 if mode else 512 % 14
+    words = np.frombuffer(data[slip : slip + 14 * 36], dtype=">i2").reshape(-1, 7)
+    degc = words[:, 3] / 333.87 + 21
+    since_ms = (board.chip.run.start_ns + (before + 1) * 1e6) * 1e-6
+    taken_ms = -1000 * np.log((degc - 85) / -125)
+    assert taken_ms[0] == pytest.approx(since_ms + first_ms, abs=4 if mode else 6)
+    assert np.diff(taken_ms) == pytest.approx(1, abs=0.2)
+
+
+def test_fifo_that_stops_goes_on_when_there_is_room_again(make_board):
+    board = make_board(personality=MPU6500)
+    board.wake()
+    board.wr(0x1A, 0x41)
+    board.start_fifo(0x08)
+    board.wait_ms(200)
+    assert board.byte(0x3A) & 0x10
+    assert board.rd(0x74, 512)[:510] == bytes([0, 0, 0, 0, 0x40, 0]) * 85
+    board.wait_ms(20)
+    assert not board.byte(0x3A) & 0x10
+    assert board.fifo_count() // 6 >= 19
+
+
+def test_fifo_mode_is_reserved_in_the_older_chips(board):
+    board.wake()
+    board.wr(0x1A, 0x41)
+    assert board.byte(0x1A) == 0x01
+
+
 def test_fifo_of_the_6050_has_one_size(board):
     board.wake()
     board.wr(0x1D, 0xC0)

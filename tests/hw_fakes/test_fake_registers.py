@@ -16,7 +16,18 @@ WRITABLE = {*range(0x0D, 0x11), 0x19, 0x1C, *range(0x23, 0x35), *range(0x63, 0x6
 
 def test_table_has_each_of_the_128_addresses_once():
     assert [register.address for register in REGISTERS] == list(range(128))
-    assert all(register.name for register in REGISTERS)
+    names = [register.name for register in REGISTERS if register.name != "reserved"]
+    assert len(set(names)) == len(names)
+    assert all(name.replace("_", "").isalnum() for name in names)
+
+
+def test_registers_that_are_not_modelled_are_few():
+    assert {r.address for r in REGISTERS if not r.modelled} == {
+        *range(6),  # analogue trim
+        0x0C,  # PRODUCT_ID, which is there to be read
+        *(0x11, 0x12, 0x62, *range(0x76, 0x80)),  # reserved
+        *(0x39, 0x70, 0x71),  # the motion processor
+    }
 
 
 def test_table_agrees_with_the_register_map_on_what_can_be_written():

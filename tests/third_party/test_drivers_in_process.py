@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import errno
 import importlib
+import os
+import re
+import subprocess
 import sys
+import textwrap
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -24,7 +28,7 @@ from oblique import (
 )
 from packages import installed
 
-from hw_fakes import PERFECT, FakeMpu6050, Sway
+from hw_fakes import PERFECT, FakeMpu6050, Sway, pytest_plugin
 from hw_fakes.i2c_adapter import Adapter
 from hw_fakes.in_process import patched_smbus2
 from quavelet.core.clock import VirtualClock
@@ -166,3 +170,21 @@ def test_smbus2_stays_replaced_after_the_block() -> None:
     with patched_smbus2({"/dev/i2c-1": Adapter({0x68: FakeMpu6050(clock, imperfections=PERFECT)})}):
         assert smbus2.smbus2.ioctl is not before[1]
     assert (smbus2.smbus2.os, smbus2.smbus2.ioctl) == before
+
+
+def test_example_of_the_pytest_plugin_passes(mpu6050_raspberrypi: Path, tmp_path: Path) -> None:
+    assert pytest_plugin.__doc__
+    example = re.search(r"(?m)^    @pytest.*\n(^    .*\n)+", pytest_plugin.__doc__)
+    assert example
+    header = "import pytest\nfrom hw_fakes import Still\n\n"
+    (tmp_path / "test_it.py").write_text(header + textwrap.dedent(example[0]), encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "-q", "-W", "error", "test_it.py"],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(mpu6050_raspberrypi)},
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert "1 passed" in done.stdout, done.stdout + done.stderr
