@@ -97,6 +97,25 @@ def test_the_attitude_jumps_when_told_to_move(world):
     assert np.abs(np.diff(rolls)).max() < 45 * 1.875 / 150 + 0.03
 
 
+def test_samples_computed_ahead_show_the_old_motion(world):
+    world.wake(0x69)
+    world.wait(3)
+    assert world.read(0x3D, 0x69, 2) != b"\0\0"
+    world.say("motion still 0x69")
+    world.wait(0.9)
+    y, z = np.frombuffer(world.read(0x3D, 0x69, 4), dtype=">i2")
+    assert np.degrees(np.arctan2(y, z)) == pytest.approx(float(world.state(0x69)["roll_deg"]), abs=0.3)
+    assert np.degrees(np.arctan2(y, z)) < 40
+
+
+def test_state_is_that_of_the_last_transfer(world):
+    world.wake()
+    world.say("fault asleep at=1 address=0x68")
+    world.wait(2)
+    assert world.state()["awake"] == "0"
+    assert len(world.say("state").splitlines()) == 3
+
+
 def test_recorded_counts_are_told_to_move(world):
     words = np.zeros((9, 3), dtype=np.int16)
     counts = RecordedCounts(

@@ -185,6 +185,18 @@ def test_hold_compares_with_the_sample_of_its_moment(make_board):
     assert np.abs(board.sensors()[:3] / 16384 - held).max() == pytest.approx(0.2, abs=0.01)
 
 
+def test_hold_takes_the_sample_and_not_what_the_filter_had_got_to(make_board):
+    board = make_board(motion=Pushed(0.5, ((1.0, 3.0),)))
+    watching(board, MOT, dhpf=4, motion=100)
+    board.wait_ms(1050)
+    board.wr(0x1C, 0x07)
+    assert board.byte(0x3A) & MOT
+    board.wait_ms(1500)
+    assert not board.byte(0x3A) & MOT
+    board.wait_ms(500)
+    assert board.byte(0x61) & 0x08
+
+
 def test_zero_motion_is_told_of_when_it_begins_and_when_it_ends_and_its_status_stays(make_board):
     board = make_board(motion=Pushed(0.5, ((3.0, 3.01),)))
     watching(board, ZMOT, motion=255, rest=50, rest_64ms=10)
@@ -310,6 +322,16 @@ def test_wake_on_motion_compares_with_the_sample_before_at_4_mg(make_board, abov
     assert len(begins(board)) == (2 if detected else 0)
 
 
+def test_wake_on_motion_sees_a_step_between_two_looks(make_board):
+    board = make_board(motion=Pushed(0.1, ((0.05, 2.0),)), personality=MPU9250)
+    wake_on_motion(board, above=20)
+    board.wr(0x1D, 0x08)
+    while board.clock.now_ns() < 100_000_000:
+        board.wait_ms(0.5)
+        look(board)
+    assert len(begins(board)) == 1
+
+
 @pytest.mark.parametrize("mode", [0x00, 0x40, 0x80])
 def test_wake_on_motion_needs_both_of_its_bits(make_board, mode):
     board = make_board(motion=Pushed(0.5, ((1.0, 2.0),)), personality=MPU6500)
@@ -347,3 +369,15 @@ def test_looking_for_motion_does_not_change_the_samples(make_board):
         return board.collect(5).tobytes()
 
     assert stream(0) == stream(1)
+
+
+def test_detectors_see_a_motion_that_is_changed_while_the_chip_runs(make_board):
+    pushed = Pushed(0.0, ((0.5, 9.0),))
+    board = make_board(motion=pushed)
+    watching(board, MOT, motion=50)
+    board.wait_ms(200)
+    look(board)
+    object.__setattr__(pushed, "push_g", 0.5)
+    board.chip.recompute()
+    board.wait_ms(500)
+    assert board.byte(0x3A) & MOT

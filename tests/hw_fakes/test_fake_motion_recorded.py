@@ -102,6 +102,7 @@ def test_a_gap_in_the_measured_attitude_ends_with_a_jump(loaded):
     assert off[valid].max() < 0.01
     # 5 s of a bias of 0.2 deg/s; spread, it is a fraction of the whole degree.
     assert 0.02 < off[(t_s > 6) & (t_s < 11)].max() < 0.6
+    assert 0.02 < off[t_s < 2].max() < 0.4
     steps = off_deg(motion.attitude(t_s[:-1]), motion.attitude(t_s[1:]))
     assert np.abs(steps - off_deg(Sway().attitude(t_s[:-1]), Sway().attitude(t_s[1:]))).max() < 0.03
 

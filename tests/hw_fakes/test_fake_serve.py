@@ -14,6 +14,7 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 
+import hw_fakes.__main__
 from hw_fakes import FakeMpu6050, serve
 from hw_fakes.__main__ import main
 from hw_fakes.boards import BOARDS
@@ -100,6 +101,16 @@ bus.write_byte_data(0x68, 0x37, 2)
 sys.exit([before, code(0x0d, 0x0d)] != [121, 0xff])
 """
     assert run(program, "--scenario", "still", "--board", "gy-87") == 0
+
+
+def test_two_chips_of_one_seed_are_the_same_board(monkeypatch):
+    served = []
+    monkeypatch.setattr(hw_fakes.__main__, "run_with_device", lambda _program, *, adapter, bus: served.append(adapter))
+    main([*STILL, "--chip", "0x69=still", "--seed", "4", "--", "true"])
+    main(["serve", "--chip", "0x69=still", "--seed", "5", "--", "true"])
+    first, second = (served[0].targets[at] for at in (0x68, 0x69))
+    assert first.imperfections != second.imperfections
+    assert served[1].targets[0x69].imperfections == second.imperfections
 
 
 def test_a_paced_adapter_is_late_or_early():
