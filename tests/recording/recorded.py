@@ -12,7 +12,7 @@ from quavelet.core.blocks import Block, RawBlock, array_fields
 from quavelet.core.clock import VirtualClock
 from quavelet.core.health import Health
 from quavelet.core.units import NS_PER_MS
-from quavelet.mpu6050.drain import Drain
+from quavelet.mpu6050.drain import Drain, Loss
 from quavelet.mpu6050.source import ChipSource
 from quavelet.mpu6050.stream import StreamInfo
 from quavelet.recording.format import MAGIC
@@ -32,7 +32,7 @@ ANY_DRAIN = st.builds(
     int_status=st.integers(0, 255),
     fifo_count=st.integers(0, 65535),
     data=st.binary(max_size=1024),
-    failed=st.booleans(),
+    loss=st.sampled_from(Loss),
 )
 STREAM_INFO = st.builds(
     StreamInfo,

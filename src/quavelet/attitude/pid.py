@@ -8,7 +8,8 @@ ways through a sample:
     acquire   bias unknown, or a long gap just passed: strong gains, SETTLING until gravity agrees
     track     the gains asked for
 
-A gap is bridged by holding the mean of the rates before and after it; what that may cost goes into sigma.
+A gap is bridged by holding the mean of the rates before and after it; what that may cost goes into sigma. While the
+chip is stuck the attitude stands and is not to be trusted, and what comes after that is a gap as long.
 """
 
 from __future__ import annotations
@@ -77,6 +78,7 @@ class PidState:
 
     rate_rad_s   the last sample's rate, None before the first sample
     level_sum    sum of the accelerometer while levelling
+    stuck_s      how long the chip has been stuck up to this sample
     bias         the last sample's bias, None while it is unknown; bias_degc the temperature when it last changed
     """
 
@@ -86,6 +88,7 @@ class PidState:
     doubt: Doubt = Doubt()
     settling: Settling = Settling()
     level_sum: Vector = ZERO
+    stuck_s: float = 0.0
     bias: Vector | None = None
     bias_degc: float = 0.0
 
@@ -99,6 +102,7 @@ class _Sample:
     dt: float
     gap_s: float
     still: bool
+    stuck: bool
     bias: Vector | None
     temp_degc: float
 
@@ -128,7 +132,7 @@ class PidFilter:
             tilt, yaw = sigmas(s.doubt, self._residual)
             sigma[k] = tilt, tilt, yaw
             integral[k] = s.correction.integral_rad_s
-            if s.settling.settling:
+            if s.settling.settling or s.stuck_s:
                 flags[k] |= Flag.SETTLING
         return AttitudeBlock(
             t_ns=block.t_ns,
@@ -156,8 +160,10 @@ class PidFilter:
             )
         if sample.bias != s.bias:
             s = _with_new_bias(s, sample)
-        if sample.gap_s > 0.0:
-            s = _bridged(s, sample)
+        if sample.stuck:
+            return replace(s, stuck_s=s.stuck_s + sample.gap_s + sample.dt)
+        if sample.gap_s > 0.0 or s.stuck_s:
+            s = _bridged(s, sample, gap_s=sample.gap_s + s.stuck_s)
         drift = bias_sigma(self._residual, known=known, warmer_degc=sample.temp_degc - s.bias_degc)
         if sample.still and not known:
             return _levelled(s, sample, drift)
@@ -188,18 +194,20 @@ def _samples(block: ImuBlock) -> Iterator[_Sample]:
         block.period_s.tolist(),
         block.gap_ns.tolist(),
         block.still.tolist(),
+        (block.flags & Flag.STUCK).tolist(),
         block.gyro_bias_rad_s.tolist(),
         (block.flags & Flag.BIAS_UNKNOWN).tolist(),
         block.temp_degc.tolist(),
         strict=True,
     )
-    for rate, force, dt, gap_ns, still, bias, unknown, temp_degc in columns:
+    for rate, force, dt, gap_ns, still, stuck, bias, unknown, temp_degc in columns:
         yield _Sample(
             rate=tuple(rate),
             force=tuple(force),
             dt=dt,
             gap_s=gap_ns / NS_PER_S,
             still=still,
+            stuck=bool(stuck),
             bias=None if unknown else tuple(bias),
             temp_degc=temp_degc,
         )
@@ -219,14 +227,14 @@ def _with_new_bias(s: PidState, sample: _Sample) -> PidState:
     return replace(new, doubt=doubt, settling=settled())
 
 
-def _bridged(s: PidState, sample: _Sample) -> PidState:
+def _bridged(s: PidState, sample: _Sample, *, gap_s: float) -> PidState:
     """The state at the gap's end; the step is long, so it is taken exactly."""
     last = s.rate_rad_s or sample.rate
     change = (sample.rate[0] - last[0], sample.rate[1] - last[1], sample.rate[2] - last[2])
     ix, iy, iz = s.correction.integral_rad_s
     held = (last[0] + 0.5 * change[0] + ix, last[1] + 0.5 * change[1] + iy, last[2] + 0.5 * change[2] + iz)
-    s = replace(s, q=step(s.q, held, sample.gap_s, "exp"), doubt=after_gap(s.doubt, change, sample.gap_s))
-    if sample.gap_s <= LONG_GAP_S:
+    s = replace(s, q=step(s.q, held, gap_s, "exp"), doubt=after_gap(s.doubt, change, gap_s), stuck_s=0.0)
+    if gap_s <= LONG_GAP_S:
         return s
     return replace(s, settling=restarted(bias_known=s.bias is not None, after_gap=True))
 

@@ -15,6 +15,9 @@ _PERMISSION = "no permission for {where}: add this user to the group i2c (sudo u
 _NO_BUS = "there is no bus {bus}: enable I2C (sudo raspi-config nonint do_i2c 0) or give another --bus"
 _TIMED_OUT = "{where} timed out, a line is held low: check wiring and pull-ups, then power the board off and on"
 _WIRE = "a transfer with {where} failed on the wire (EIO): shorten the wires and check the pull-ups"
+_ARBITRATION = (
+    "another master took the bus from {where} (lost arbitration): take it off the bus, or check SDA for disturbances"
+)
 
 _BY_ERRNO: dict[int, tuple[type[BusError], str]] = {
     codes.EREMOTEIO: (DeviceMissing, _NO_ANSWER),  # a NACK as the Raspberry Pi's controller tells it
@@ -26,6 +29,7 @@ _BY_ERRNO: dict[int, tuple[type[BusError], str]] = {
     codes.ENODEV: (DeviceMissing, _NO_BUS),
     codes.ETIMEDOUT: (BusError, _TIMED_OUT),
     codes.EIO: (BusError, _WIRE),
+    codes.EAGAIN: (BusError, _ARBITRATION),
 }
 
 

@@ -73,7 +73,8 @@ class StillBias:
         known = np.zeros(n, dtype=np.bool_)
         s = self._s
         channels = np.concatenate([block.gyro_rad_s, block.accel_m_s2], axis=1).tolist()
-        periods, gaps = block.period_s.tolist(), (block.flags & Flag.GAP).tolist()
+        # A chip that is stuck looks more still than any board is.
+        periods, gaps = block.period_s.tolist(), (block.flags & (Flag.GAP | Flag.STUCK)).tolist()
         unknown = (block.flags & Flag.BIAS_UNKNOWN).tolist()
         for k in range(n):
             s = self._next(s, tuple(channels[k]), periods[k], gap=bool(gaps[k]), measure=bool(unknown[k]))

@@ -108,6 +108,10 @@ class Decoder:
             self._observe(self._s.taken, drain)
         if verdict is not Verdict.FRAMES:
             return empty_raw_block(self._scale)
+        if self._surprising(drain):
+            self._health.counts_surprising += 1
+            self._throw_away(Flag.CHIP_UPSET)
+            return empty_raw_block(self._scale)
         counts = np.frombuffer(drain.data, dtype=">i2").reshape(-1, FRAME_BYTES // 2).astype(np.int16)
         # After a gap the temperature has nothing to compare with: a chip with a wrong one would be stopped for ever.
         known = bool(self._s.last_frame) and not self._s.pending
@@ -115,10 +119,20 @@ class Decoder:
         block = self._timed(counts[:good], drain, whole=good == len(counts)) if good else empty_raw_block(self._scale)
         if good < len(counts):
             self._health.frames_implausible += len(counts) - good
-            self._health.fifo_resets += 1
-            self._s = replace(self._s, pending=self._s.pending | Flag.GAP | Flag.IMPLAUSIBLE)
-            self.must_restart = True
+            self._throw_away(Flag.IMPLAUSIBLE)
         return block
+
+    def _surprising(self, drain: Drain) -> bool:
+        """Whether the chip has taken so many or so few samples that its rate must have been changed."""
+        s, base = self._s, self._timebase
+        if s.pending or s.doubtful or not base.started or base.is_slow(drain.before_ns, drain.after_ns):
+            return False
+        return base.surprising(s.taken + drain.fifo_count // FRAME_BYTES, drain.before_ns, drain.after_ns)
+
+    def _throw_away(self, reason: Flag) -> None:
+        self._health.fifo_resets += 1
+        self._s = replace(self._s, pending=self._s.pending | Flag.GAP | reason)
+        self.must_restart = True
 
     def _timed(self, counts: CountArray, drain: Drain, *, whole: bool) -> RawBlock:
         s, base, n = self._s, self._timebase, len(counts)

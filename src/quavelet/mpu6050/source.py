@@ -74,7 +74,9 @@ class ChipSource:
         self._starved_once = False
         self._stuck_tried = False
         self._restart_due = False
+        self._check_due = False
         self._disturbed: BusError | None = None
+        self._trouble: BusError | str = ""
         self._nothing = empty_raw_block(scale_for(config.gyro_range_dps, config.accel_range_g, variant=MPU6050))
 
     @property
@@ -114,7 +116,7 @@ class ChipSource:
         if self._start_up.streaming:
             self._begin_stream()
         elif self.decoder is not None:
-            self._lose_if_late(self._start_up.reason or f"it is stuck while {self.step.value}")
+            self._lose_if_late(self._start_up.reason or self._trouble)
 
     def _begin_stream(self) -> None:
         info, now_ns = self._start_up.info, self._clock.now_ns()
@@ -147,8 +149,9 @@ class ChipSource:
         if self._restart_due:
             chip.restart_fifo()
             self._restart_due = False
-        if self._watch.due(clock.now_ns()):
-            finding = self._watch.check_some(clock.now_ns())
+        if self._watch.due(clock.now_ns()) or self._check_due:
+            finding = self._watch.check_all() if self._check_due else self._watch.check_some(clock.now_ns())
+            self._check_due = False
             if finding is not Finding.GOOD:
                 return self._mend(finding)
         status = chip.read(INT_STATUS)
@@ -216,7 +219,7 @@ class ChipSource:
             self._count_failure()
         if drain.loss is not Loss.STARVED:
             self._fed_ns = drain.after_ns
-        self._restart_due = True
+        self._restart_due = self._check_due = True
         try:
             self._chip.restart_fifo()
             self._restart_due = False
@@ -255,6 +258,7 @@ class ChipSource:
 
     def _bring_back(self, reason: BusError | str) -> Drain:
         log.warning("the chip at 0x%02x is reset: %s", self._chip.address, reason)
+        self._trouble = reason
         self._start_up.begin_again()
         return self._lost(Loss.CHIP_RESET)
 

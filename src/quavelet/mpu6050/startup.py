@@ -90,6 +90,7 @@ class StartUp:
     def begin_again(self) -> None:
         """The chip has streamed and must be brought back: it is reset and configured anew."""
         self._health.chip_restarts += 1
+        self.reason = ""
         self._go(Step.PROBE, 0)
 
     def advance(self) -> None:

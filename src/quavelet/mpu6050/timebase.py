@@ -21,6 +21,8 @@ BOUND = 0.06
 SLOW_FACTOR = 3
 """A count that took this much longer to read than the fastest is not used: nobody knows when it was taken."""
 SLOW_MARGIN_NS = 100_000
+SURPRISE = 2.5
+"""Samples: one is the count's own uncertainty at either end."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,6 +131,13 @@ class TimeBase:
         s = self._s
         anchor_n, anchor_t_ns = self._anchor()
         return (at_ns - s.t0_ns - anchor_t_ns) / s.period_ns + anchor_n + 0.5
+
+    def surprising(self, n: int, before_ns: int, after_ns: int) -> bool:
+        """Whether `n` samples in all, counted between these host times, are many more or fewer than the period makes
+        of the time since the last observation: within it no oscillator wanders by a twentieth."""
+        s = self._s
+        due = ((before_ns + after_ns) // 2 - s.last_ns) / s.period_ns
+        return s.sure and abs(n - s.last_n - due) > SURPRISE + due / 20
 
     def _anchor(self) -> tuple[float, float]:
         """A sample number, and the time since `t0_ns` at which it was counted on average."""
