@@ -115,3 +115,14 @@ def test_cycle_of_the_6050_ignores_the_odr_register_of_the_6500(board):
 def test_cycle_of_the_6500_ignores_the_wake_bits_of_the_6050(make_board):
     board = cycling(make_board(personality=MPU6500))
     assert board.chip.true_rate_hz() == pytest.approx(0.244, rel=1e-3)
+
+
+def test_cycling_is_timed_by_the_internal_oscillator_with_the_clocks_gyroscope_on_too(make_board):
+    board = make_board(internal_error=-0.04, pll_error=0.01)
+    board.wake(clksel=1)
+    board.wr(0x6C, 0xC0)
+    board.wr(0x6B, CYCLE | 0x01)
+    assert board.chip.true_rate_hz() == pytest.approx(40 * 0.96)
+    board.start_fifo(0x70)
+    board.wait_ms(1000)
+    assert len(board.drain(3)) in (38, 39)  # the gyroscopes that are on are sampled with it
