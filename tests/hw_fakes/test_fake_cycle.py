@@ -86,15 +86,16 @@ def test_gyroscopes_in_standby_stand_still_while_the_accelerometer_goes_on(make_
     assert len(np.unique(np.array(rows)[:, 0])) > 10
 
 
-def test_single_samples_have_the_noise_of_an_unfiltered_kilohertz_and_no_delay(make_board):
-    density = 400e-6 * STANDARD_GRAVITY_M_S2
-    board = make_board(imperfections=Imperfections(accel_noise_m_s2_rthz=density))
+def test_single_samples_have_the_noise_of_an_unfiltered_kilohertz(make_board):
+    parts = Imperfections(accel_noise_m_s2_rthz=400e-6 * STANDARD_GRAVITY_M_S2, gyro_noise_rad_s_rthz=np.radians(0.005))
+    board = make_board(imperfections=parts)
     board.wake(dlpf=6)
-    board.wr(0x6C, 0xC7)
+    board.wr(0x6C, 0xC0)
     board.wr(0x6B, CYCLE)
-    board.start_fifo(0x08)
-    x = board.collect(200, step_ms=500, words=3)
-    assert x.std(axis=0) / 16384 == pytest.approx(400e-6 * 500**0.5, rel=0.05)
+    board.start_fifo(0x78)
+    sd = board.collect(200, step_ms=500, words=6).std(axis=0)
+    assert sd[:3] / 16384 == pytest.approx(400e-6 * 500**0.5, rel=0.05)
+    assert sd[3:] / 131 == pytest.approx(0.005 * 500**0.5, rel=0.05)
 
 
 def test_a_chip_that_stops_cycling_samples_as_before(make_board):
@@ -115,3 +116,14 @@ def test_cycle_of_the_6050_ignores_the_odr_register_of_the_6500(board):
 def test_cycle_of_the_6500_ignores_the_wake_bits_of_the_6050(make_board):
     board = cycling(make_board(personality=MPU6500))
     assert board.chip.true_rate_hz() == pytest.approx(0.244, rel=1e-3)
+
+
+def test_cycling_is_timed_by_the_internal_oscillator_with_the_clocks_gyroscope_on_too(make_board):
+    board = make_board(internal_error=-0.04, pll_error=0.01)
+    board.wake(clksel=1)
+    board.wr(0x6C, 0xC0)
+    board.wr(0x6B, CYCLE | 0x01)
+    assert board.chip.true_rate_hz() == pytest.approx(40 * 0.96)
+    board.start_fifo(0x70)
+    board.wait_ms(1000)
+    assert len(board.drain(3)) in (38, 39)  # the gyroscopes that are on are sampled with it

@@ -137,12 +137,14 @@ def test_one_flip_hits_both_reads_of_a_transfer(board, way):
     assert board.bus.adapter.transfer(messages)[1] == second
 
 
-@pytest.mark.parametrize("pointer", [0x19, 0x99])
-def test_a_read_of_its_own_is_told_of_another_register(board, way, pointer):
-    let_happen(board, way, FlippedRead(register=0x1B))
-    board.bus.adapter.transfer([(0x68, 0, bytes([pointer, 7]))])
+@pytest.mark.parametrize("pointer", [0x1B, 0x9B])
+@pytest.mark.parametrize("written", [b"", b"\x08\x10"])
+def test_a_read_of_its_own_is_told_of_another_register(board, way, pointer, written):
+    next_one = 0x1B + len(written)
+    let_happen(board, way, FlippedRead(register=next_one))
+    board.bus.adapter.transfer([(0x68, 0, bytes([pointer]) + written)])
     board.bus.adapter.transfer([(0x68, READ, 3)])
-    assert [(one.touch.register, one.touch.byte) for one in happened(board)] == [(0x1B, 1)]
+    assert [(one.touch.register, one.touch.byte) for one in happened(board)] == [(next_one, 0)]
 
 
 def test_a_pointer_is_taken_for_a_value(board, way):

@@ -8,6 +8,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from hw_fakes.personalities import MPU6500
+
 ACTIVE_LOW, OPEN_DRAIN, LATCHED, ANY_READ_CLEARS = 0x80, 0x40, 0x20, 0x10
 DATA_READY, OVERFLOW = 0x01, 0x10
 
@@ -205,3 +207,13 @@ def test_edges_alternate_in_time_and_end_at_the_level(make_board, pins, gaps_us)
         edges = board.chip.int_edges(0)
         assert all(a.t_ns < b.t_ns and a.high != b.high for a, b in pairwise(edges))
         assert (edges[-1].high if edges else False) == level
+
+
+def test_pulses_at_32_khz_do_not_run_into_one_another(make_board):
+    board = configured(make_board(personality=MPU6500), 0x00, DATA_READY)
+    board.wr(0x1B, 0x01)
+    since_ns = board.clock.now_ns()
+    board.wait_ms(5)
+    edges = board.chip.int_edges(since_ns)
+    assert len(edges) == pytest.approx(2 * 5 * 32, abs=2)
+    assert all(a.t_ns < b.t_ns and a.high != b.high for a, b in pairwise(edges))

@@ -98,6 +98,15 @@ def test_a_motion_left_within_the_turn_comes_after_all():
     assert np.allclose(motion.attitude(t_s + 1.3), Tilt().attitude(t_s - 4.2))
 
 
+@pytest.mark.parametrize(("first", "switches"), CHAINS.values(), ids=CHAINS)
+def test_a_moment_asked_for_alone_has_another_attitude(first, switches):
+    motion, t_s = chain(first, switches), np.random.default_rng(4).uniform(0, 12, 500)
+    alone = np.concatenate([motion.attitude(np.array([t])) for t in t_s])
+    assert np.allclose(alone, motion.attitude(t_s))
+    in_order = np.argsort(t_s)
+    assert np.allclose(alone[in_order], motion.attitude(t_s[in_order]))
+
+
 def test_a_switch_rewrites_the_past():
     motion = SwitchedMotion(Still())
     motion.switch(Tilt(), at_s=5)

@@ -105,7 +105,7 @@ sys.exit([before, code(0x0d, 0x0d)] != [121, 0xff])
 
 def test_two_chips_of_one_seed_are_the_same_board(monkeypatch):
     served = []
-    monkeypatch.setattr(hw_fakes.__main__, "run_with_device", lambda _program, *, adapter, bus: served.append(adapter))
+    monkeypatch.setattr(hw_fakes.__main__, "run_with_device", lambda *_, adapter, **__: served.append(adapter))
     main([*STILL, "--chip", "0x69=still", "--seed", "4", "--", "true"])
     main(["serve", "--chip", "0x69=still", "--seed", "5", "--", "true"])
     first, second = (served[0].targets[at] for at in (0x68, 0x69))
