@@ -91,7 +91,7 @@ def debian_kernel() -> Kernel:
 def _release() -> str:
     try:
         told = run(["apt-cache", "depends", "linux-image-amd64"])
-    except Missing:
+    except RuntimeError:
         told = ""
     found = re.search(r"Depends: linux-image-(\S+)", told)
     if found is None:
@@ -110,7 +110,7 @@ def _unpack(release: str, downloads: Path, folder: Path) -> None:
     ]
     try:
         run(["apt-get", "download", "-q", *packages], cwd=downloads)
-    except Missing as error:
+    except RuntimeError as error:
         raise Missing(f"the kernel cannot be downloaded, try apt-get update: {error}") from error
     for package in sorted(downloads.glob("*.deb")):
         run(["dpkg-deb", "-x", str(package), str(folder)])
@@ -122,9 +122,9 @@ def _unpack(release: str, downloads: Path, folder: Path) -> None:
 
 
 def run(command: Sequence[str], *, cwd: Path | None = None) -> str:
-    """What it prints. Raises Missing with what it says where it fails."""
+    """What it prints. Raises RuntimeError with what it says where it fails."""
     environment = {**os.environ, "PATH": SEARCHED, "LC_ALL": "C"}
     done = subprocess.run(command, cwd=cwd, env=environment, capture_output=True, text=True, timeout=300, check=False)
     if done.returncode:
-        raise Missing(f"{command[0]} fails: {(done.stderr or done.stdout).strip()[-500:]}")
+        raise RuntimeError(f"{command[0]} fails: {(done.stderr or done.stdout).strip()[-500:]}")
     return done.stdout

@@ -19,7 +19,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from debian_kernel import SEARCHED, Kernel, Missing
+from debian_kernel import SEARCHED, Kernel
 
 ROOT_MODULES = ("virtio_pci", "9pnet_virtio", "9p", "overlay")
 EXIT = "\nguest: exit "
@@ -72,7 +72,7 @@ def run_in_guest(
 
     qemu  more arguments for QEMU
 
-    Raises Missing where QEMU does not start.
+    Raises RuntimeError where QEMU fails.
     """
     words = [f"{name}={value}" for name, value in (environment or {}).items()]
     job = f"cd {shlex.quote(str(Path.cwd()))}\n{shlex.join(['env', *words, *(os.fspath(word) for word in command)])}\n"
@@ -96,7 +96,7 @@ def run_in_guest(
             process.kill()
             process.communicate()
         if process.returncode > 0:
-            raise Missing(f"QEMU does not start: {told.strip()[-500:]}")
+            raise RuntimeError(f"QEMU fails: {told.strip()[-500:]}")
         written, end, code = _text(output).rpartition(EXIT)
         return Ended(int(code) if end else None, written if end else code, _text(console), time.monotonic() - began)
 

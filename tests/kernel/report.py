@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from typing import Any
 
@@ -57,4 +58,7 @@ def table(release: str, seconds: float, jobs: dict[str, dict[str, Any]]) -> str:
             lines.append(
                 f"    {len(result['samples'])} samples, {right} of them right; {result['edges']} pulses of INT"
             )
+        for line in result.get("doctor", [0, ""])[1].splitlines():
+            finding = json.loads(line)
+            lines.append(f"    {'ok' if finding['ok'] else '--':3} {finding['name']}: {finding['found']}")
     return "\n".join(lines)

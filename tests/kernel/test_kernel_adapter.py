@@ -6,7 +6,7 @@ import json
 import shutil
 
 import pytest
-from conftest import Guest
+from boot import Guest
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 
@@ -59,19 +59,11 @@ def test_quavelet_finds_fault_with_its_own_fake_above_a_kernel(guest: Guest) -> 
     code, printed, complaints = guest.read("quavelet")["doctor"]
     assert complaints == ""
     findings = {finding["name"]: finding for finding in map(json.loads, printed.splitlines())}
-    # No claim about lost samples: a machine that is emulated may stand still for longer than the FIFO holds.
-    assert code == 0 or not findings["no sample lost"]["ok"]
-    for name in (
-        "bus",
-        "chip",
-        "registers",
-        "board still",
-        "gyroscope noise",
-        "gyroscope bias",
-        "gravity",
-        "temperature",
-    ):
+    for name in ("bus", "chip", "registers"):
         assert findings[name]["ok"], findings[name]
+    # An emulated machine may stand still for longer than the FIFO holds: then the samples prove nothing, either way.
+    if findings["no sample lost"]["ok"]:
+        assert code == 0, printed
 
 
 def test_the_guest_ends_otherwise_than_its_command(guest: Guest) -> None:

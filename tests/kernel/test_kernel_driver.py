@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from itertools import pairwise
 from pathlib import Path
 
 import pytest
+from boot import Guest
 from chips import STREAM_HZ, TEMP_DEGC, ramps
-from conftest import Guest
 from guest_jobs import BURST, BURSTS, SINGLES
 from report import SENSORS, mismatches, temperature_degc
 
@@ -54,12 +55,9 @@ def test_a_gyroscope_with_half_its_scale_passes(guest: Guest) -> None:
 
 
 def test_the_kernel_takes_a_chip_of_another_identity(guest: Guest) -> None:
-    assert guest.read("another_identity") == {
-        **{key: guest.jobs["another_identity"][key] for key in ("job", "seconds")},
-        "driver": False,
-        "iio": [],
-    }
-    assert "invalid whoami probe 0x61" in guest.ended.console or "whoami" in guest.ended.console
+    read = guest.read("another_identity")
+    assert (read["driver"], read["iio"]) == (False, [])
+    assert re.search(r"inv-mpu6050-i2c .* whoami .*0x61", guest.ended.console)
 
 
 @pytest.mark.parametrize("what", ["probe", "stream"])
