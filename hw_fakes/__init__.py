@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from hw_fakes.fault_plan import FaultEntry as FaultEntry
     from hw_fakes.faults import Faults as Faults
     from hw_fakes.i2c_adapter import Adapter as Adapter
+    from hw_fakes.imperfections import NOISE_ONLY as NOISE_ONLY
     from hw_fakes.imperfections import PERFECT as PERFECT
     from hw_fakes.imperfections import TYPICAL as TYPICAL
     from hw_fakes.imperfections import Imperfections as Imperfections
@@ -100,7 +101,7 @@ _NAMES = {
     "fault_plan": "FaultEntry",
     "faults": "Faults",
     "i2c_adapter": "Adapter",
-    "imperfections": "PERFECT TYPICAL Imperfections draw",
+    "imperfections": "NOISE_ONLY PERFECT TYPICAL Imperfections draw",
     "in_process": "PatchedKernel patched_smbus2",
     "magnetometer_akm": "Ak8963 Ak8975",
     "magnetometer_hmc5883l": "Hmc5883l",

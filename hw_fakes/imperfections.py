@@ -169,7 +169,12 @@ def draw(seed: int) -> Imperfections:
 
 
 PERFECT = Imperfections()
-"""No error but the resolution of the counts."""
+"""No error but the resolution of the counts. At rest all samples are alike: software may call that a stuck chip."""
+
+NOISE_ONLY = Imperfections(
+    gyro_noise_rad_s_rthz=GYRO_NOISE_RAD_S_RTHZ, accel_noise_m_s2_rthz=ACCEL_NOISE_M_S2_RTHZ, temp_noise_degc=0.05
+)
+"""No error but the data sheet's noise."""
 
 TYPICAL = Imperfections(
     gyro_bias_rad_s=(4.5 * RAD_PER_DEG, 0.1 * RAD_PER_DEG, 1.1 * RAD_PER_DEG),

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from chip_rig import Rig, check_honest, config
 
-from hw_fakes import PERFECT, Turntable
+from hw_fakes import NOISE_ONLY, Turntable
 from quavelet.core.blocks import concat
 from quavelet.core.units import NS_PER_S
 from quavelet.pipeline import build_pipeline
@@ -32,7 +32,7 @@ def test_turn_of_360_degrees_is_360_degrees_although_the_oscillator_is_off(pll_e
     """By the nominal period it would be 349 or 371."""
     table = Turntable(start_s=5.0)
     settings = Settings()
-    rig = Rig(settings.chip, motion=table, imperfections=PERFECT, pll_error=pll_error).start()
+    rig = Rig(settings.chip, motion=table, imperfections=NOISE_ONLY, pll_error=pll_error).start()
     pipeline = build_pipeline(settings)
     rig.run(table.stop_s + 2.0, every_ms=1000 / settings.loop.rate_hz)
     attitude = concat([pipeline.process(block) for block in rig.blocks])

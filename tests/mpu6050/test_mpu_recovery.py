@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from chip_rig import Rig, check_honest, config
+from chip_rig import Rig, Transfer, check_honest, config
 
-from hw_fakes import Imperfections, Tilt
+from hw_fakes import NOISE_ONLY, Tilt
 from hw_fakes.fault_plan import parse
 from quavelet.core.blocks import Flag
 from quavelet.core.errors import DeviceLost
 from quavelet.core.units import NS_PER_MS, NS_PER_S
 
 REASONS = Flag.OVERFLOW | Flag.MISALIGNED | Flag.BUS_ERROR | Flag.CHIP_UPSET | Flag.IMPLAUSIBLE
-NOISE = Imperfections(gyro_noise_rad_s_rthz=8.7e-5, accel_noise_m_s2_rthz=4e-3)
 
 
 def running(rate_hz: float = 200.0, **chip: object) -> Rig:
@@ -105,6 +104,27 @@ def test_disturbed_count_costs_the_fifo():
     assert rig.health.fifo_resets == 0
 
 
+@pytest.mark.parametrize("stall_ms", [20, 40, 60, 400])
+def test_fifo_that_overflows_between_count_and_frames_gives_torn_frames(stall_ms):
+    """The host was late, found room for a few frames more, and was held up once more before it read them."""
+    rig = running()
+    stalls: list[int] = []
+
+    def stall(k: int, transfer: Transfer) -> bool:
+        if transfer.register == 0x74 and not stalls:
+            stalls.append(k)
+            rig.wait_ms(stall_ms)
+        return False
+
+    rig.bus.spoil = stall
+    rig.drain(330)
+    rig.run(1.0)
+    numbers = check_honest(rig)
+    assert stalls
+    assert rig.health.fifo_overflows == (stall_ms > 30)
+    assert ((np.diff(numbers) - 1).sum() > 0) == (stall_ms > 30)
+
+
 @pytest.mark.parametrize("byte", [0x00, 0xFF])
 def test_frames_of_a_line_that_is_held_are_given_out(byte):
     rig = running()
@@ -119,7 +139,7 @@ def test_frames_of_a_line_that_is_held_are_given_out(byte):
 
 
 def test_temperature_that_jumps_is_believed_at_once_and_one_that_stays_wrong_stops_the_stream():
-    rig = running(motion=Tilt(), imperfections=NOISE)
+    rig = running(motion=Tilt(), imperfections=NOISE_ONLY)
     before = struck(rig, "temperature by=30 for=1.0", seconds=2.0)
     at = before + np.flatnonzero(rig.got.flags[before:] & Flag.GAP)
     assert len(at) == 2  # when it began, and when it ended
@@ -128,7 +148,7 @@ def test_temperature_that_jumps_is_believed_at_once_and_one_that_stays_wrong_sto
 
 
 def test_stuck_chip_looks_like_a_very_still_one():
-    rig = running(motion=Tilt(), imperfections=NOISE)
+    rig = running(motion=Tilt(), imperfections=NOISE_ONLY)
     before = struck(rig, "frozen for=3.0", seconds=4.0)
     stuck = rig.got.flags[before:] & Flag.STUCK != 0
     first = int(np.argmax(stuck))
@@ -140,7 +160,7 @@ def test_stuck_chip_looks_like_a_very_still_one():
 
 
 def test_noise_of_a_real_chip_is_taken_for_stuck_at_the_narrowest_filter_and_the_widest_ranges():
-    rig = Rig(config(1000.0, dlpf=6, gyro=2000, accel=16), motion=Tilt(start_s=1e9), imperfections=NOISE).start()
+    rig = Rig(config(1000.0, dlpf=6, gyro=2000, accel=16), motion=Tilt(start_s=1e9), imperfections=NOISE_ONLY).start()
     rig.run(60.0, every_ms=20.0)
     assert rig.health.stuck == 0
     assert not (rig.got.flags & Flag.STUCK).any()

@@ -6,14 +6,11 @@ import numpy as np
 import pytest
 from session import run_session
 
-from hw_fakes import FakeBus, FakeMpu6050, Imperfections, Tilt
+from hw_fakes import NOISE_ONLY, FakeBus, FakeMpu6050, Tilt
 from quavelet.core.blocks import Flag
 from quavelet.core.clock import VirtualClock
 from quavelet.core.units import NS_PER_S
 from quavelet.settings import Settings
-
-# No error but noise: a chip without any is taken to be stuck.
-NOISE = Imperfections(gyro_noise_rad_s_rthz=8.7e-5, accel_noise_m_s2_rthz=4e-3)
 
 
 class LooseWires(FakeBus):
@@ -42,7 +39,7 @@ class LooseWires(FakeBus):
 @pytest.mark.parametrize("outage_s", [0.05, 0.3, 0.9, 1.5, 5.0])
 def test_the_attitude_is_right_again_two_seconds_after_an_outage(outage_s, capsys):
     clock = VirtualClock()
-    chip = FakeMpu6050(clock, motion=Tilt(), imperfections=NOISE, pll_error=0.01)
+    chip = FakeMpu6050(clock, motion=Tilt(), imperfections=NOISE_ONLY, pll_error=0.01)
     bus = LooseWires({0x68: chip}, clock=clock, name="fake:loose")
     bus.outage_s = outage_s
     run = run_session(bus, clock, Settings(), seconds=30.0)

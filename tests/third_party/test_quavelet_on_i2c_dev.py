@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hw_fakes import PERFECT, FakeMpu6050, Tilt
+from hw_fakes import NOISE_ONLY, FakeMpu6050, Tilt
 from hw_fakes.i2c_adapter import Adapter
 from hw_fakes.motion import Motion
 from hw_fakes.preload import served_device
@@ -32,7 +32,7 @@ def check(motion: Motion, *, seconds: float) -> None:
     adapter = Adapter()
     with served_device(adapter) as environment:
         # Its world begins here: before the board moves the program must have started, and seen it still.
-        chip = FakeMpu6050(MonotonicClock(), motion=motion, imperfections=PERFECT)
+        chip = FakeMpu6050(MonotonicClock(), motion=motion, imperfections=NOISE_ONLY)
         adapter.attach(0x68, chip)
         done = subprocess.run(
             [PROGRAM, "run", "--bus", "linux:1", "--json", "--duration", str(seconds)],

@@ -8,6 +8,7 @@ import msgspec
 
 from quavelet.core.errors import SettingsError
 from quavelet.mpu6050 import registers as r
+from quavelet.mpu6050.variants import Variant
 
 GYRO_LSB_PER_DPS: dict[int, float] = {250: 131.0, 500: 65.5, 1000: 32.8, 2000: 16.4}
 """Full scale in deg/s to counts per deg/s (PS 6.1), in the order of FS_SEL."""
@@ -93,18 +94,20 @@ class RegisterBits:
         return byte & (self.set_bits | self.clear_bits) == self.set_bits
 
 
-def configuration_table(config: ChipConfig) -> tuple[RegisterBits, ...]:
-    """The rows to write, in order, then to read back; the FIFO is off until it is started."""
+def configuration_table(config: ChipConfig, *, variant: Variant) -> tuple[RegisterBits, ...]:
+    """The rows to write to this kind of chip, in order, then to read back; the FIFO is off until it is started."""
     gyro = r.GYRO_FS_SEL.encode(list(GYRO_LSB_PER_DPS).index(config.gyro_range_dps))
     accel = r.ACCEL_FS_SEL.encode(list(ACCEL_LSB_PER_G).index(config.accel_range_g))
     power = r.DEVICE_RESET.mask | r.SLEEP.mask | r.CYCLE.mask | r.TEMP_DIS.mask | r.CLKSEL.mask
     user = r.USER_DMP_EN.mask | r.USER_FIFO_EN.mask | r.USER_I2C_MST_EN.mask
+    accel_filter = (_row(r.ACCEL_CONFIG_2, r.ACCEL_DLPF_CFG.encode(config.dlpf), r.ACCEL_DLPF_CFG.mask),)
     return (
         _row(r.PWR_MGMT_1, r.CLKSEL.encode(r.CLOCK_PLL_GYRO_X), power),
         _row(r.PWR_MGMT_2, 0, r.STANDBY.mask),
         _row(r.CONFIG, r.DLPF_CFG.encode(config.dlpf), r.EXT_SYNC_SET.mask | r.DLPF_CFG.mask),
         _row(r.GYRO_CONFIG, gyro, r.GYRO_SELF_TEST.mask | r.GYRO_FS_SEL.mask),
         _row(r.ACCEL_CONFIG, accel, r.ACCEL_SELF_TEST.mask | r.ACCEL_FS_SEL.mask | r.ACCEL_HPF.mask),
+        *(accel_filter if variant.own_accel_filter else ()),
         _row(r.SMPLRT_DIV, config.divider, 0xFF),
         _row(r.USER_CTRL, 0, user),
         _row(r.FIFO_EN, 0, r.FIFO_SENSORS.mask | r.FIFO_SLAVES.mask),

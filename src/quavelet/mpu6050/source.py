@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
+from dataclasses import replace
 
 from quavelet.bus.protocol import I2CBus
 from quavelet.core.blocks import RawBlock
@@ -12,12 +13,13 @@ from quavelet.core.errors import BusError, DeviceLost
 from quavelet.core.health import Health
 from quavelet.core.units import NS_PER_MS, NS_PER_S
 from quavelet.mpu6050.access import RegisterAccess
-from quavelet.mpu6050.config import ChipConfig, configuration_table
+from quavelet.mpu6050.config import ChipConfig
 from quavelet.mpu6050.decoder import Decoder, empty_raw_block
 from quavelet.mpu6050.drain import Drain, Loss, Verdict
-from quavelet.mpu6050.registers import FRAME_BYTES, INT_STATUS
+from quavelet.mpu6050.registers import FIFO_OFLOW_INT, FRAME_BYTES, INT_STATUS
 from quavelet.mpu6050.startup import StartUp, Step
 from quavelet.mpu6050.stream import StreamInfo, scale_for
+from quavelet.mpu6050.timebase import BOUND
 from quavelet.mpu6050.variants import MPU6050
 from quavelet.mpu6050.watch import Finding, RegisterWatch
 
@@ -57,13 +59,12 @@ class ChipSource:
         on_drain: Callable[[Drain], None] | None = None,
     ) -> None:
         self._chip = RegisterAccess(bus, address=address, clock=clock, health=health)
-        self._table = configuration_table(config)
         self._clock = clock
         self._health = health
         self._lost_ns = round(lost_s * NS_PER_S)
         self._on_stream = on_stream
         self._on_drain = on_drain
-        self._start_up = StartUp(self._chip, self._table, clock=clock, health=health)
+        self._start_up = StartUp(self._chip, config, clock=clock, health=health)
         self._watch: RegisterWatch | None = None
         self.decoder: Decoder | None = None
         self._seq = 0
@@ -122,7 +123,7 @@ class ChipSource:
         info, now_ns = self._start_up.info, self._clock.now_ns()
         assert info is not None, "a chip that streams is known"
         self._watch = RegisterWatch(
-            self._chip, self._table, who_am_i=info.who_am_i, since_ns=now_ns, health=self._health
+            self._chip, self._start_up.table, who_am_i=info.who_am_i, since_ns=now_ns, health=self._health
         )
         self._fed_ns, self._failures, self._restart_due, self._starved_once = now_ns, 0, False, False
         # A chip that was brought back goes on in the same stream: its samples are numbered on over the gap.
@@ -164,14 +165,30 @@ class ChipSource:
         if decoder.verdict(drain) is Verdict.EMPTY:
             return self._hungry(drain)
         if decoder.verdict(drain) is Verdict.FRAMES:
-            # One transaction for all frames: whole ones only, since count is a multiple of a frame.
-            assert count % FRAME_BYTES == 0
-            try:
-                return self._new_drain(before, after, status, count, chip.read_fifo(count))
-            except BusError as error:
-                self._fail(error)
-                return self._lost(Loss.TRANSFER)
+            return self._with_frames(drain)
         return drain
+
+    def _with_frames(self, drain: Drain) -> Drain:
+        # One transaction for all frames: whole ones only, since the count is a multiple of a frame.
+        assert drain.fifo_count % FRAME_BYTES == 0
+        try:
+            data = self._chip.read_fifo(drain.fifo_count)
+            status = drain.int_status | self._overflow_since(drain)
+        except BusError as error:
+            self._fail(error)
+            return self._lost(Loss.TRANSFER)
+        if status & FIFO_OFLOW_INT.mask:
+            data = b""
+        return replace(drain, int_status=status, data=data)
+
+    def _overflow_since(self, drain: Drain) -> int:
+        """INT_STATUS once more where the FIFO had the time to overflow after the count, with the host busy elsewhere:
+        frames read after that are torn."""
+        assert self.info is not None, "a chip that streams is known"
+        room = self.info.variant.fifo_bytes - drain.fifo_count
+        shortest_ns = self.info.nominal_period_s * NS_PER_S * (1.0 - BOUND)
+        new = 1 + (self._clock.now_ns() - drain.before_ns) / shortest_ns
+        return self._chip.read(INT_STATUS) if new * FRAME_BYTES >= room else 0
 
     def _counted(self) -> tuple[int, int, int]:
         before = self._clock.now_ns()

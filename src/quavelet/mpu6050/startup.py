@@ -18,7 +18,7 @@ from quavelet.core.health import Health
 from quavelet.core.units import NS_PER_MS, NS_PER_S
 from quavelet.mpu6050 import registers as r
 from quavelet.mpu6050.access import RegisterAccess
-from quavelet.mpu6050.config import RegisterBits
+from quavelet.mpu6050.config import ChipConfig, configuration_table
 from quavelet.mpu6050.stream import StreamInfo
 from quavelet.mpu6050.variants import LINE_STUCK, MPU6050, Variant, identify
 
@@ -58,18 +58,20 @@ class StartUp:
     step      what is done next; STREAM where all is done
     due_ns    when
     variant   which chip it is, once it is known
+    table     what is written to its registers
     info      the chip as configured, None until it streams
     reason    what the last step found wrong
     """
 
-    def __init__(self, chip: RegisterAccess, table: tuple[RegisterBits, ...], *, clock: Clock, health: Health) -> None:
+    def __init__(self, chip: RegisterAccess, config: ChipConfig, *, clock: Clock, health: Health) -> None:
         self.step = Step.PROBE
         self.due_ns = clock.now_ns()
         self.variant: Variant = MPU6050
+        self.table = configuration_table(config, variant=MPU6050)
         self.info: StreamInfo | None = None
         self.reason: BusError | str = ""
         self._chip = chip
-        self._table = table
+        self._config = config
         self._clock = clock
         self._health = health
         self._steps: dict[Step, Callable[[], None]] = {
@@ -132,6 +134,7 @@ class StartUp:
         who_am_i = self._chip.read(r.WHO_AM_I)
         if self.info is None:
             self.variant = identify(who_am_i, bus=self._chip.bus.name, address=self._chip.address)
+            self.table = configuration_table(self._config, variant=self.variant)
         elif who_am_i in LINE_STUCK:
             self._again(POLL_NS, f"WHO_AM_I reads 0x{who_am_i:02x}")
             return
@@ -177,14 +180,14 @@ class StartUp:
         self._go(Step.CONFIGURE, PLL_WAIT_NS)
 
     def _configure(self) -> None:
-        for row in self._table:
+        for row in self.table:
             self._chip.apply(row)
         if self._holds():
             self._go(Step.START, SETTLE_WAIT_NS)
 
     def _holds(self) -> bool:
         """Whether the configuration reads back as written; where it does not, it is written anew later."""
-        wrong = [row.register.name for row in self._table if not row.holds(self._chip.read(row.register))]
+        wrong = [row.register.name for row in self.table if not row.holds(self._chip.read(row.register))]
         if wrong:
             self._health.config_mismatches += len(wrong)
             self.step = Step.CONFIGURE

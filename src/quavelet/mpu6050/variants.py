@@ -9,7 +9,10 @@ from quavelet.core.errors import WrongChip
 
 @dataclass(frozen=True, slots=True)
 class Variant:
-    """What a chip of the family has of its own."""
+    """What a chip of the family has of its own.
+
+    own_accel_filter   the accelerometer's low-pass is set in a register of its own, ACCEL_CONFIG_2
+    """
 
     who_am_i: int
     name: str
@@ -17,6 +20,7 @@ class Variant:
     pwr_mgmt_1_reset: int
     temp_degc_per_lsb: float
     temp_degc_at_zero: float
+    own_accel_filter: bool = False
 
 
 # Temperature: degC = raw/340 + 36.53 (RM p. 30). FIFO: 1024 bytes (PS 7.17).

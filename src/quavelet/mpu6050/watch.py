@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Iterable
 from enum import Enum
 
 from quavelet.core.health import Health
@@ -13,14 +13,12 @@ from quavelet.mpu6050.access import RegisterAccess
 from quavelet.mpu6050.config import RegisterBits
 
 CHECK_NS = 50 * NS_PER_MS
-"""What decides about rate, range, power and FIFO is looked at every 100 ms, the rest every 150 ms."""
+"""Each check is two short bursts: in turn that of rate, filters and ranges, and that of FIFO and power, so that both are
+looked at every 100 ms; and one of the others, every 150 ms."""
+_FIRST = (r.SMPLRT_DIV.address, r.USER_CTRL.address)
 
-# Each check is two short bursts: one of the first two, one of the others.
-_FIRST: tuple[tuple[r.Register, ...], ...] = (
-    (r.SMPLRT_DIV, r.CONFIG, r.GYRO_CONFIG, r.ACCEL_CONFIG),
-    (r.USER_CTRL, r.PWR_MGMT_1, r.PWR_MGMT_2),
-)
-_OTHERS: tuple[tuple[r.Register, ...], ...] = ((r.FIFO_EN,), (r.INT_PIN_CFG, r.INT_ENABLE), (r.WHO_AM_I,))
+Run = tuple[RegisterBits, ...]
+"""Rows of registers that follow one another."""
 
 log = logging.getLogger(__name__)
 
@@ -37,7 +35,7 @@ class RegisterWatch:
     """Compares the registers with what was written. Every method raises BusError."""
 
     def __init__(
-        self, chip: RegisterAccess, table: Sequence[RegisterBits], *, who_am_i: int, since_ns: int, health: Health
+        self, chip: RegisterAccess, table: Iterable[RegisterBits], *, who_am_i: int, since_ns: int, health: Health
     ) -> None:
         """`table` is the configuration, which held at `since_ns`; the running FIFO is added to it."""
         self._chip = chip
@@ -49,7 +47,9 @@ class RegisterWatch:
             RegisterBits(r.WHO_AM_I, who_am_i, ~who_am_i & 0xFF),
         ):
             rows[row.register.address] = row
-        self._rows = rows
+        runs = _runs(rows.values())
+        self._first = [run for run in runs if run[0].register.address in _FIRST]
+        self._others = [run for run in runs if run[0].register.address not in _FIRST]
         self._turn = 0
         self._due_ns = since_ns + CHECK_NS
 
@@ -59,13 +59,13 @@ class RegisterWatch:
     def check_some(self, now_ns: int) -> Finding:
         """The registers whose turn it is, and all the others where one of them has changed."""
         self._due_ns = now_ns + CHECK_NS
-        runs = (_FIRST[self._turn % len(_FIRST)], _OTHERS[self._turn % len(_OTHERS)])
+        runs = (self._first[self._turn % len(self._first)], self._others[self._turn % len(self._others)])
         self._turn += 1
         return self.check_all() if any(self._changed(run) for run in runs) else Finding.GOOD
 
     def check_all(self) -> Finding:
         """Every register; one that has changed is written anew, of more than one the chip has lost its setting."""
-        changed = [row for run in (*_FIRST, *_OTHERS) for row in self._changed(run)]
+        changed = [row for run in (*self._first, *self._others) for row in self._changed(run)]
         if not changed:
             return Finding.GOOD
         names = ", ".join(row.register.name for row in changed)
@@ -77,11 +77,21 @@ class RegisterWatch:
         self._chip.apply(row)
         return Finding.REWRITTEN if row.holds(self._chip.read(row.register)) else Finding.RESET
 
-    def _changed(self, run: tuple[r.Register, ...]) -> list[RegisterBits]:
+    def _changed(self, run: Run) -> list[RegisterBits]:
         """The rows of this run that do not hold, looked at twice: the first look may have been disturbed."""
         return self._unlike(run) and self._unlike(run)
 
-    def _unlike(self, run: tuple[r.Register, ...]) -> list[RegisterBits]:
-        read = self._chip.read_run(run[0], len(run))
-        pairs = ((self._rows[register.address], byte) for register, byte in zip(run, read, strict=True))
-        return [row for row, byte in pairs if not row.holds(byte)]
+    def _unlike(self, run: Run) -> list[RegisterBits]:
+        read = self._chip.read_run(run[0].register, len(run))
+        return [row for row, byte in zip(run, read, strict=True) if not row.holds(byte)]
+
+
+def _runs(rows: Iterable[RegisterBits]) -> list[Run]:
+    """The rows in the order of their addresses, those that follow one another together: each can be read in one go."""
+    runs: list[list[RegisterBits]] = []
+    for row in sorted(rows, key=lambda row: row.register.address):
+        if runs and row.register.address == runs[-1][-1].register.address + 1:
+            runs[-1].append(row)
+        else:
+            runs.append([row])
+    return [tuple(run) for run in runs]
