@@ -8,14 +8,14 @@ import sys
 from collections.abc import Sequence
 from contextlib import ExitStack
 
-from hw_fakes import control
 from hw_fakes.boards import BOARDS, Board
-from hw_fakes.fault_plan import KINDS, own_keys
-from hw_fakes.i2c_adapter import Adapter
-from hw_fakes.personalities import PERSONALITIES
-from hw_fakes.preload import run_with_device
+from hw_fakes.chip.personalities import PERSONALITIES
+from hw_fakes.faults.plan import KINDS, own_keys
 from hw_fakes.scenarios import ADDRESS, COUNTS, MOTIONS, RECORDED
-from hw_fakes.serve import Making, attach, new_chip, planned, run_with_usbip
+from hw_fakes.serve import control
+from hw_fakes.serve.serving import Making, attach, new_chip, planned, run_with_usbip
+from hw_fakes.ways.preload import run_with_device
+from hw_fakes.wire.adapter import Adapter
 from quavelet.core.clock import MonotonicClock
 from quavelet.core.errors import SettingsError
 

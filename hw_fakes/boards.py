@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from hw_fakes.aux_master import AuxMaster, SettableClock
-from hw_fakes.imperfections import Matrix
-from hw_fakes.magnetometer_akm import IN_PACKAGE, Ak8963, Ak8975
-from hw_fakes.magnetometer_base import NO_ROTATION, TYPICAL_MAGNETOMETER, Magnetometer, MagnetometerImperfections
-from hw_fakes.magnetometer_hmc5883l import Hmc5883l
-from hw_fakes.magnetometer_qmc5883l import Qmc5883l
-from hw_fakes.motion_base import Motion
-from hw_fakes.personalities import MPU6050, MPU9150, MPU9250, Personality
+from hw_fakes.chip.aux_master import AuxMaster, SettableClock
+from hw_fakes.chip.personalities import MPU6050, MPU9150, MPU9250, Personality
+from hw_fakes.magnetometers.akm import IN_PACKAGE, Ak8963, Ak8975
+from hw_fakes.magnetometers.base import NO_ROTATION, TYPICAL_MAGNETOMETER, Magnetometer, MagnetometerImperfections
+from hw_fakes.magnetometers.hmc5883l import Hmc5883l
+from hw_fakes.magnetometers.qmc5883l import Qmc5883l
+from hw_fakes.world.imperfections import Matrix
+from hw_fakes.world.motion_base import Motion
 from quavelet.core.clock import Clock
 
 

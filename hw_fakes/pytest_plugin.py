@@ -149,9 +149,9 @@ def bench(
     """What the fixture does, for a block. Raises SettingsError or ValueError for a name that is none."""
     from hw_fakes import PERFECT, FakeBus, FakeMpu6050, PatchedKernel, motion_named
     from hw_fakes import board as board_named
-    from hw_fakes.fault_plan import parse_lines
-    from hw_fakes.magnetometer_base import PERFECT_MAGNETOMETER, TYPICAL_MAGNETOMETER
-    from hw_fakes.virtual_time import virtual_time
+    from hw_fakes.faults.plan import parse_lines
+    from hw_fakes.magnetometers.base import PERFECT_MAGNETOMETER, TYPICAL_MAGNETOMETER
+    from hw_fakes.ways.virtual_time import virtual_time
     from quavelet.core.clock import MonotonicClock, VirtualClock
 
     clock: Clock = MonotonicClock() if real_time else VirtualClock()
@@ -182,7 +182,7 @@ def bench(
 def _smbus_is_smbus2() -> Iterator[None]:
     import smbus2
 
-    from hw_fakes.virtual_time import replaced
+    from hw_fakes.ways.virtual_time import replaced
 
     if "smbus" in sys.modules:
         with replaced(sys.modules["smbus"], "SMBus", smbus2.SMBus):

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from hw_fakes.bus import FakeBus
-from hw_fakes.chip import FakeMpu6050
-from hw_fakes.counts import RecordedCounts
-from hw_fakes.imperfections import TYPICAL
-from hw_fakes.motion import Motion, Still, Sway, Tilt, Turntable
-from hw_fakes.motion_bench import Coning, SixFaces
-from hw_fakes.motion_carried import Drone, Walk
-from hw_fakes.motion_recorded import load_motion
+from hw_fakes.chip.counts import RecordedCounts
+from hw_fakes.chip.mpu6050 import FakeMpu6050
+from hw_fakes.wire.bus import FakeBus
+from hw_fakes.world.imperfections import TYPICAL
+from hw_fakes.world.motion import Motion, Still, Sway, Tilt, Turntable
+from hw_fakes.world.motion_bench import Coning, SixFaces
+from hw_fakes.world.motion_carried import Drone, Walk
+from hw_fakes.world.motion_recorded import load_motion
 from quavelet.core.clock import Clock
 from quavelet.core.errors import SettingsError
 

@@ -34,7 +34,8 @@ def test_the_installed_buses_are_those_of_the_project():
 
 
 def test_every_room_stands_in_the_linters_floors():
-    (floors,) = [c for c in PROJECT["tool"]["importlinter"]["contracts"] if c["type"] == "layers"]
+    contracts = PROJECT["tool"]["importlinter"]["contracts"]
+    (floors,) = [c for c in contracts if c["type"] == "layers" and c["containers"] == ["quavelet"]]
     named = {name.strip() for layer in floors["layers"] for name in layer.split("|")}
     rooms = {path.stem for path in (ROOT / "src" / "quavelet").iterdir() if path.suffix == ".py" or path.is_dir()}
     assert named == rooms - {"__init__", "__pycache__"}

@@ -10,9 +10,9 @@ import pytest
 from i2c_dev import access_modes, kernel_with
 
 from hw_fakes import FakeMpu6050
-from hw_fakes.i2c_adapter import Adapter
-from hw_fakes.i2c_dev import I2C_FUNCS, I2C_RDWR, I2C_SLAVE
-from hw_fakes.in_process import PatchedKernel
+from hw_fakes.ways.i2c_dev import I2C_FUNCS, I2C_RDWR, I2C_SLAVE
+from hw_fakes.ways.in_process import PatchedKernel
+from hw_fakes.wire.adapter import Adapter
 from quavelet.bus.linux import LinuxI2CBus, open_linux
 from quavelet.core.clock import VirtualClock
 from quavelet.core.errors import BusBusy, BusError, BusPermission, DeviceMissing, SettingsError

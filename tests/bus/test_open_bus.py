@@ -10,7 +10,7 @@ import pytest
 from i2c_dev import kernel_with
 
 from hw_fakes import FakeBus
-from hw_fakes.i2c_adapter import Adapter
+from hw_fakes.wire.adapter import Adapter
 from quavelet.bus.open import GROUP, open_bus
 from quavelet.core.clock import VirtualClock
 from quavelet.core.errors import BusPermission, DeviceMissing, SettingsError

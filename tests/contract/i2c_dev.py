@@ -7,8 +7,8 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from fcntl import F_GETFL, fcntl
 
-from hw_fakes.i2c_adapter import Adapter
-from hw_fakes.in_process import PatchedKernel
+from hw_fakes.ways.in_process import PatchedKernel
+from hw_fakes.wire.adapter import Adapter
 
 
 @contextmanager

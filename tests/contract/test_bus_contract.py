@@ -10,8 +10,8 @@ from bus_contract import HERE, BusContract, Counter
 from i2c_dev import kernel_with
 
 from hw_fakes import FakeBus, FakeMpu6050, ScriptedBus, Write
-from hw_fakes.i2c_adapter import Adapter
-from hw_fakes.in_process import PatchedKernel
+from hw_fakes.ways.in_process import PatchedKernel
+from hw_fakes.wire.adapter import Adapter
 from quavelet.bus.faults import bus_error
 from quavelet.bus.linux import LinuxI2CBus
 from quavelet.bus.open import open_bus

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hw_fakes.aux_master import AuxMaster, SettableClock
+from hw_fakes.chip.aux_master import AuxMaster, SettableClock
 from hw_fakes.target import Nack
 from quavelet.core.clock import VirtualClock
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from hw_fakes.fault_base import Fault, Happened
-from hw_fakes.fault_plan import FaultEntry, parse
+from hw_fakes.faults.base import Fault, Happened
+from hw_fakes.faults.plan import FaultEntry, parse
 
 WAYS = ("by hand", "by plan", "by text")
 LATER_S = 0.005

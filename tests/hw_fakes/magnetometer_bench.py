@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from hw_fakes.motion import Still
-from hw_fakes.motion_base import EarthField
+from hw_fakes.world.motion import Still
+from hw_fakes.world.motion_base import EarthField
 from quavelet.core.clock import VirtualClock
 
 

@@ -9,8 +9,8 @@ import pytest
 
 import hw_fakes
 from hw_fakes import PERFECT, FakeMpu6050, Nack
-from hw_fakes.i2c_adapter import READ, Adapter, Size, union_length
-from hw_fakes.i2c_dev import I2C_FUNCS, I2C_PEC, I2C_SLAVE, I2C_TIMEOUT, OpenDevice
+from hw_fakes.ways.i2c_dev import I2C_FUNCS, I2C_PEC, I2C_SLAVE, I2C_TIMEOUT, OpenDevice
+from hw_fakes.wire.adapter import READ, Adapter, Size, union_length
 from quavelet.core.clock import VirtualClock
 
 

@@ -12,8 +12,8 @@ import pytest
 
 from hw_fakes import PERFECT, FakeMpu6050
 from hw_fakes.__main__ import main
-from hw_fakes.i2c_adapter import Adapter
-from hw_fakes.preload import SHIM, run_with_device
+from hw_fakes.ways.preload import SHIM, run_with_device
+from hw_fakes.wire.adapter import Adapter
 from quavelet.core.clock import VirtualClock
 
 needs_compiler = pytest.mark.skipif(

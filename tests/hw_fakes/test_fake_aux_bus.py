@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from aux_bench import CHIP, EN, NOBODY, OTHER, READ, SLV4_CTRL, Bench, Silent
 
-from hw_fakes.aux_master import SettableClock
-from hw_fakes.magnetometer_akm import Ak8963
-from hw_fakes.magnetometer_base import MagnetometerImperfections
-from hw_fakes.magnetometer_hmc5883l import Hmc5883l
-from hw_fakes.motion import Turntable
+from hw_fakes.chip.aux_master import SettableClock
+from hw_fakes.magnetometers.akm import Ak8963
+from hw_fakes.magnetometers.base import MagnetometerImperfections
+from hw_fakes.magnetometers.hmc5883l import Hmc5883l
 from hw_fakes.target import Nack
+from hw_fakes.world.motion import Turntable
 from quavelet.core.clock import VirtualClock
 
 

@@ -7,8 +7,8 @@ import pytest
 from aux_bench import CHIP, EN, EXT, NOBODY, OTHER, READ, STATUS, Memory
 
 from hw_fakes import PERFECT, TYPICAL, FakeBus, FakeMpu6050, Turntable, boards
-from hw_fakes.aux_master import AuxMaster, SettableClock
-from hw_fakes.personalities import MPU6500
+from hw_fakes.chip.aux_master import AuxMaster, SettableClock
+from hw_fakes.chip.personalities import MPU6500
 from quavelet.core.clock import VirtualClock
 
 MASTER_INT, DATA_READY = 0x08, 0x01

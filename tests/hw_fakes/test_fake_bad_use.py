@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from hw_fakes.i2c_adapter import READ
+from hw_fakes.wire.adapter import READ
 
 
 @pytest.mark.parametrize("register", [0x75, 0x19, 0x6B])

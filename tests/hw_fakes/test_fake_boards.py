@@ -8,8 +8,8 @@ from magnetometer_bench import body_field_ut
 
 from hw_fakes import FakeBus, FakeMpu6050
 from hw_fakes.boards import BOARDS, board
-from hw_fakes.magnetometer_base import PERFECT_MAGNETOMETER
-from hw_fakes.motion import Still
+from hw_fakes.magnetometers.base import PERFECT_MAGNETOMETER
+from hw_fakes.world.motion import Still
 from quavelet.core.clock import VirtualClock
 from quavelet.core.errors import BusError
 

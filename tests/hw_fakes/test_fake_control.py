@@ -13,12 +13,12 @@ import pytest
 
 from hw_fakes import PERFECT, FakeMpu6050, Still
 from hw_fakes.__main__ import main
-from hw_fakes.control import LONGEST_LINE, control_socket
-from hw_fakes.control_words import ControlWords
-from hw_fakes.counts import RecordedCounts
-from hw_fakes.i2c_adapter import READ, Adapter
-from hw_fakes.motion_switched import SwitchedMotion
+from hw_fakes.chip.counts import RecordedCounts
 from hw_fakes.scenarios import counts_chip
+from hw_fakes.serve.control import LONGEST_LINE, control_socket
+from hw_fakes.serve.control_words import ControlWords
+from hw_fakes.wire.adapter import READ, Adapter
+from hw_fakes.world.motion_switched import SwitchedMotion
 from quavelet.core.clock import VirtualClock
 from quavelet.core.errors import SettingsError
 

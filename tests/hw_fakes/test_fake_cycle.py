@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hw_fakes import Imperfections, Turntable
-from hw_fakes.personalities import MPU6500, MPU9250
+from hw_fakes.chip.personalities import MPU6500, MPU9250
 from quavelet.core.units import STANDARD_GRAVITY_M_S2
 
 CYCLE, TEMP_OFF, GYROSCOPES_OFF = 0x20, 0x08, 0x07

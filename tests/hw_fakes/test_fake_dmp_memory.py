@@ -6,7 +6,7 @@ import random
 
 import pytest
 
-from hw_fakes.personalities import MPU9250
+from hw_fakes.chip.personalities import MPU9250
 
 BANK, START, DATA = 0x6D, 0x6E, 0x6F
 PROGRAM = bytes(random.Random(7).randrange(256) for _ in range(3062))  # as long as the vendor's

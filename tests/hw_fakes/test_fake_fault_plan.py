@@ -11,10 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hw_fakes import FakeMpu6050
-from hw_fakes.chip_faults import BrownOut, ChipFault, Unplugged
-from hw_fakes.fault_plan import KINDS, FaultEntry, parse, parse_lines
-from hw_fakes.personalities import PERSONALITIES
-from hw_fakes.wire_faults import FlippedRead, NotAcknowledged, TimedOut
+from hw_fakes.chip.personalities import PERSONALITIES
+from hw_fakes.faults.of_chip import BrownOut, ChipFault, Unplugged
+from hw_fakes.faults.of_wires import FlippedRead, NotAcknowledged, TimedOut
+from hw_fakes.faults.plan import KINDS, FaultEntry, parse, parse_lines
 from quavelet.core.errors import BusError, SettingsError
 
 ISSUES = """

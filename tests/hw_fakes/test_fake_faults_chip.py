@@ -9,7 +9,7 @@ import pytest
 from fault_ways import WAYS, happened, let_happen, names
 
 from hw_fakes import TYPICAL, Sway
-from hw_fakes.chip_faults import (
+from hw_fakes.faults.of_chip import (
     BrownOut,
     Changed,
     FallenAsleep,
@@ -21,7 +21,7 @@ from hw_fakes.chip_faults import (
     Unplugged,
     WrongTemperature,
 )
-from hw_fakes.fault_plan import FaultEntry
+from hw_fakes.faults.plan import FaultEntry
 from quavelet.core.errors import DeviceMissing
 
 pytestmark = pytest.mark.parametrize("way", WAYS)

@@ -8,9 +8,7 @@ import pytest
 from fault_ways import WAYS, happened, let_happen, names
 
 from hw_fakes import FakeMpu6050, Sway
-from hw_fakes.fault_plan import FaultEntry
-from hw_fakes.i2c_adapter import READ, Adapter
-from hw_fakes.wire_faults import (
+from hw_fakes.faults.of_wires import (
     AllOnes,
     AllZero,
     CutWrite,
@@ -24,6 +22,8 @@ from hw_fakes.wire_faults import (
     TimedOut,
     Torn,
 )
+from hw_fakes.faults.plan import FaultEntry
+from hw_fakes.wire.adapter import READ, Adapter
 from quavelet.core.clock import MonotonicClock
 from quavelet.core.errors import BusError
 

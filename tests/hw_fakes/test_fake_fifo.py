@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from hw_fakes import TYPICAL, Still
-from hw_fakes.fifo import Fifo
+from hw_fakes.chip.fifo import Fifo
 
 LEANING = Still(roll_deg=30.0, pitch_deg=-20.0)
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from hw_fakes.drift import Drift
-from hw_fakes.imperfections import PERFECT, TYPICAL, Imperfections, draw
+from hw_fakes.world.drift import Drift
+from hw_fakes.world.imperfections import PERFECT, TYPICAL, Imperfections, draw
 from quavelet.core.units import DEG_PER_RAD, RAD_PER_DEG, STANDARD_GRAVITY_M_S2
 
 MG = STANDARD_GRAVITY_M_S2 * 1e-3

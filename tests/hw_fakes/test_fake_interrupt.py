@@ -8,7 +8,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from hw_fakes.personalities import MPU6500
+from hw_fakes.chip.personalities import MPU6500
 
 ACTIVE_LOW, OPEN_DRAIN, LATCHED, ANY_READ_CLEARS = 0x80, 0x40, 0x20, 0x10
 DATA_READY, OVERFLOW = 0x01, 0x10

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from magnetometer_bench import Bench, body_field_ut
 
-from hw_fakes.magnetometer_akm import Ak8963, Ak8975
-from hw_fakes.magnetometer_base import MagnetometerImperfections
-from hw_fakes.magnetometer_hmc5883l import Hmc5883l
-from hw_fakes.magnetometer_qmc5883l import Qmc5883l
-from hw_fakes.motion import Turntable
+from hw_fakes.magnetometers.akm import Ak8963, Ak8975
+from hw_fakes.magnetometers.base import MagnetometerImperfections
+from hw_fakes.magnetometers.hmc5883l import Hmc5883l
+from hw_fakes.magnetometers.qmc5883l import Qmc5883l
+from hw_fakes.world.motion import Turntable
 
 CHIPS = {"hmc5883l": Hmc5883l, "qmc5883l": Qmc5883l, "ak8963": Ak8963, "ak8975": Ak8975}
 START = {

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from magnetometer_bench import Bench, body_field_ut
 
-from hw_fakes.magnetometer_base import MagnetometerImperfections
-from hw_fakes.magnetometer_hmc5883l import Hmc5883l
-from hw_fakes.magnetometer_qmc5883l import Qmc5883l
-from hw_fakes.motion import Turntable
+from hw_fakes.magnetometers.base import MagnetometerImperfections
+from hw_fakes.magnetometers.hmc5883l import Hmc5883l
+from hw_fakes.magnetometers.qmc5883l import Qmc5883l
+from hw_fakes.world.motion import Turntable
 
 
 def hmc_in_continuous_mode(*, config_a=0x18, config_b=0x20, **options):

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from magnetometer_bench import Bench, body_field_ut
 
-from hw_fakes.magnetometer_akm import Ak8963, Ak8975
-from hw_fakes.magnetometer_base import MagnetometerImperfections
-from hw_fakes.motion import Turntable
+from hw_fakes.magnetometers.akm import Ak8963, Ak8975
+from hw_fakes.magnetometers.base import MagnetometerImperfections
 from hw_fakes.target import Nack
+from hw_fakes.world.motion import Turntable
 
 
 def in_package(field):

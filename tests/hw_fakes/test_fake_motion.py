@@ -7,10 +7,10 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from hw_fakes.motion import Still, Sway, Tilt, Turntable
-from hw_fakes.motion_base import EarthField
-from hw_fakes.motion_bench import Coning, SixFaces
-from hw_fakes.motion_carried import Drone, Vibration, Walk
+from hw_fakes.world.motion import Still, Sway, Tilt, Turntable
+from hw_fakes.world.motion_base import EarthField
+from hw_fakes.world.motion_bench import Coning, SixFaces
+from hw_fakes.world.motion_carried import Drone, Vibration, Walk
 from quavelet.core.units import STANDARD_GRAVITY_M_S2
 
 MOTIONS = {

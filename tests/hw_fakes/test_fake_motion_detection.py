@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from hw_fakes import TYPICAL, Still, Tilt
-from hw_fakes.personalities import MPU6500, MPU9250
+from hw_fakes.chip.personalities import MPU6500, MPU9250
 from quavelet.core.units import STANDARD_GRAVITY_M_S2
 
 FF, MOT, ZMOT, DATA_READY = 0x80, 0x40, 0x20, 0x01

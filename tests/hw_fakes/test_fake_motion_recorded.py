@@ -9,8 +9,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from hw_fakes import PERFECT, FakeMpu6050, Still, Sway
-from hw_fakes.motion_recorded import load_motion
 from hw_fakes.scenarios import open_fake
+from hw_fakes.world.motion_recorded import load_motion
 from quavelet.core.clock import VirtualClock
 from quavelet.core.errors import SettingsError
 from quavelet.core.units import STANDARD_GRAVITY_M_S2

@@ -7,9 +7,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from hw_fakes import Still, Sway, Tilt, Turntable
-from hw_fakes.motion_bench import SixFaces
-from hw_fakes.motion_carried import Walk
-from hw_fakes.motion_switched import SwitchedMotion
+from hw_fakes.world.motion_bench import SixFaces
+from hw_fakes.world.motion_carried import Walk
+from hw_fakes.world.motion_switched import SwitchedMotion
 from quavelet.core.units import STANDARD_GRAVITY_M_S2
 
 CHAINS = {

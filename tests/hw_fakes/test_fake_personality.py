@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hw_fakes import PERFECT, Imperfections, Still
-from hw_fakes.personalities import ICM20689, MPU6000, MPU6050, MPU6500, MPU6515, MPU9150, MPU9250, MPU9255
+from hw_fakes.chip.personalities import ICM20689, MPU6000, MPU6050, MPU6500, MPU6515, MPU9150, MPU9250, MPU9255
 from quavelet.core.units import STANDARD_GRAVITY_M_S2
 
 # Chip, WHO_AM_I, PWR_MGMT_1 after reset, FIFO bytes as drivers run it, its size bits, LSB per degC, degC at 0.

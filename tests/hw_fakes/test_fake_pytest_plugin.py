@@ -307,7 +307,7 @@ import sys, time
 
 def test_it():
     assert "hw_fakes.pytest_plugin" in sys.modules
-    assert not {"smbus2", "quavelet", "hw_fakes.chip"} & set(sys.modules)
+    assert not {"smbus2", "quavelet", "hw_fakes.chip.mpu6050"} & set(sys.modules)
     assert time.sleep.__module__ == "time"
 """,
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from hw_fakes.registers import REGISTERS
+from hw_fakes.chip.registers import REGISTERS
 
 FACTORY = {*range(0x06, 0x0C), *range(0x0D, 0x11)}
 FIFO_PORT, POWER, WHO_AM_I = 0x74, 0x6B, 0x75

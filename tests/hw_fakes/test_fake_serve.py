@@ -15,14 +15,15 @@ import numpy as np
 import pytest
 
 import hw_fakes.__main__
-from hw_fakes import FakeMpu6050, serve
+from hw_fakes import FakeMpu6050
 from hw_fakes.__main__ import main
 from hw_fakes.boards import BOARDS
-from hw_fakes.fault_plan import KINDS
-from hw_fakes.i2c_adapter import READ, Adapter
-from hw_fakes.personalities import PERSONALITIES
+from hw_fakes.chip.personalities import PERSONALITIES
+from hw_fakes.faults.plan import KINDS
 from hw_fakes.scenarios import MOTIONS
-from hw_fakes.serve import Making, new_chip
+from hw_fakes.serve import serving as serve
+from hw_fakes.serve.serving import Making, new_chip
+from hw_fakes.wire.adapter import READ, Adapter
 from quavelet.core.clock import MonotonicClock, VirtualClock
 
 needs_compiler = pytest.mark.skipif(

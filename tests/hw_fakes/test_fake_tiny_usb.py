@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hw_fakes import PERFECT, FakeMpu6050
-from hw_fakes.i2c_adapter import Adapter
-from hw_fakes.tiny_usb import Request, TinyUsb
+from hw_fakes.ways.tiny_usb import Request, TinyUsb
+from hw_fakes.wire.adapter import Adapter
 from quavelet.core.clock import VirtualClock
 
 IN, OUT = 0xC1, 0x41  # vendor, interface: as the kernel's driver asks

@@ -12,10 +12,11 @@ from pathlib import Path
 
 import pytest
 
-from hw_fakes import PERFECT, FakeMpu6050, usb_ip
-from hw_fakes.i2c_adapter import Adapter
-from hw_fakes.tiny_usb import TinyUsb
-from hw_fakes.usb_ip import attached_usbip, bus_id, free_port, serve
+from hw_fakes import PERFECT, FakeMpu6050
+from hw_fakes.ways import usb_ip
+from hw_fakes.ways.tiny_usb import TinyUsb
+from hw_fakes.ways.usb_ip import attached_usbip, bus_id, free_port, serve
+from hw_fakes.wire.adapter import Adapter
 from quavelet.core.clock import VirtualClock
 from quavelet.core.errors import SettingsError
 

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from hw_fakes import PERFECT, FakeMpu6050
-from hw_fakes.i2c_adapter import Adapter
-from hw_fakes.usb_redir import served_usbredir
+from hw_fakes.ways.usb_redir import served_usbredir
+from hw_fakes.wire.adapter import Adapter
 from quavelet.core.clock import VirtualClock
 
 HELLO, CONNECT, RESET, INTERFACES, ENDPOINTS, CONTROL = 0, 1, 3, 4, 5, 100

@@ -13,8 +13,8 @@ from chips import ADDRESS, steady_chip
 from debian_kernel import Kernel
 from guest import Ended, run_in_guest
 
-from hw_fakes.i2c_adapter import Adapter
-from hw_fakes.usb_redir import served_usbredir
+from hw_fakes.ways.usb_redir import served_usbredir
+from hw_fakes.wire.adapter import Adapter
 from quavelet.core.clock import MonotonicClock
 
 HERE = Path(__file__).resolve().parent

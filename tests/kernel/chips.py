@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hw_fakes import PERFECT, FakeMpu6050
-from hw_fakes.counts import RecordedCounts
-from hw_fakes.imperfections import Imperfections
-from hw_fakes.motion_base import EarthField, FloatArray
-from hw_fakes.personalities import MPU6050
+from hw_fakes.chip.counts import RecordedCounts
+from hw_fakes.chip.personalities import MPU6050
 from hw_fakes.scenarios import counts_chip
+from hw_fakes.world.imperfections import Imperfections
+from hw_fakes.world.motion_base import EarthField, FloatArray
 from quavelet.core.clock import Clock
 from quavelet.core.units import RAD_PER_DEG, STANDARD_GRAVITY_M_S2
 

@@ -22,8 +22,8 @@ from typing import Any
 from chips import ADDRESS, STREAM_HZ, ramp_chip, steady_chip
 
 from hw_fakes import FakeMpu6050
-from hw_fakes.i2c_adapter import Adapter
-from hw_fakes.usb_ip import attached_usbip
+from hw_fakes.ways.usb_ip import attached_usbip
+from hw_fakes.wire.adapter import Adapter
 from quavelet.core.clock import MonotonicClock
 from quavelet.core.units import NS_PER_S
 

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hw_fakes import FakeBus, FakeMpu6050
-from hw_fakes.samples import Run
-from hw_fakes.setup import Setup
+from hw_fakes.chip.samples import Run
+from hw_fakes.chip.setup import Setup
 from quavelet.bus.faults import bus_error
 from quavelet.core.blocks import Flag, RawBlock, concat
 from quavelet.core.clock import VirtualClock

@@ -7,7 +7,7 @@ import pytest
 from chip_rig import Rig, Transfer, check_honest, config
 
 from hw_fakes import NOISE_ONLY, Tilt
-from hw_fakes.fault_plan import parse
+from hw_fakes.faults.plan import parse
 from quavelet.core.blocks import Flag
 from quavelet.core.errors import DeviceLost
 from quavelet.core.units import NS_PER_MS, NS_PER_S

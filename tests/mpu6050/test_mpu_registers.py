@@ -9,7 +9,7 @@ from chip_rig import ADDRESS, Rig
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hw_fakes import registers as theirs
+from hw_fakes.chip import registers as theirs
 from quavelet.mpu6050 import registers as ours
 from quavelet.mpu6050.config import ChipConfig, configuration_table
 from quavelet.mpu6050.variants import MPU6050

@@ -9,7 +9,7 @@ import pytest
 from session import run_session
 
 from hw_fakes import FakeBus, FakeMpu6050, Still, Sway, Tilt
-from hw_fakes.imperfections import NO_MATRIX, draw
+from hw_fakes.world.imperfections import NO_MATRIX, draw
 from quavelet.core.blocks import Flag
 from quavelet.core.clock import VirtualClock
 from quavelet.core.euler import to_euler

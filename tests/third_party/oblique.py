@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from hw_fakes import Imperfections
-from hw_fakes.motion import Still
-from hw_fakes.motion_base import FloatArray
+from hw_fakes.world.motion import Still
+from hw_fakes.world.motion_base import FloatArray
 from quavelet.core.units import RAD_PER_DEG, STANDARD_GRAVITY_M_S2
 
 TEMP_DEGC = 31.5

@@ -29,8 +29,8 @@ from oblique import (
 from packages import installed
 
 from hw_fakes import PERFECT, FakeMpu6050, Sway, pytest_plugin
-from hw_fakes.i2c_adapter import Adapter
-from hw_fakes.in_process import patched_smbus2
+from hw_fakes.ways.in_process import patched_smbus2
+from hw_fakes.wire.adapter import Adapter
 from quavelet.core.clock import VirtualClock
 from quavelet.core.units import NS_PER_S
 

@@ -30,8 +30,8 @@ from oblique import (
 from packages import installed
 
 from hw_fakes import FakeMpu6050
-from hw_fakes.i2c_adapter import Adapter
-from hw_fakes.preload import served_device
+from hw_fakes.ways.preload import served_device
+from hw_fakes.wire.adapter import Adapter
 from quavelet.core.clock import MonotonicClock
 
 pytestmark = pytest.mark.skipif(

@@ -10,9 +10,9 @@ import pytest
 import smbus2
 
 from hw_fakes import PERFECT, FakeMpu6050
-from hw_fakes.i2c_adapter import Adapter
-from hw_fakes.i2c_dev import I2C_FUNCS, I2C_RDWR, I2C_SLAVE, I2C_SLAVE_FORCE, I2C_SMBUS
-from hw_fakes.in_process import PatchedKernel
+from hw_fakes.ways.i2c_dev import I2C_FUNCS, I2C_RDWR, I2C_SLAVE, I2C_SLAVE_FORCE, I2C_SMBUS
+from hw_fakes.ways.in_process import PatchedKernel
+from hw_fakes.wire.adapter import Adapter
 from quavelet.core.clock import VirtualClock
 
 

@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 
 from hw_fakes import NOISE_ONLY, FakeMpu6050, Tilt
-from hw_fakes.i2c_adapter import Adapter
-from hw_fakes.motion import Motion
-from hw_fakes.preload import served_device
+from hw_fakes.ways.preload import served_device
+from hw_fakes.wire.adapter import Adapter
+from hw_fakes.world.motion import Motion
 from quavelet.core.clock import MonotonicClock
 from quavelet.core.quaternion import inclination_between
 

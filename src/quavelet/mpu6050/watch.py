@@ -13,8 +13,8 @@ from quavelet.mpu6050.access import RegisterAccess
 from quavelet.mpu6050.config import RegisterBits
 
 CHECK_NS = 50 * NS_PER_MS
-"""Each check is two short bursts: in turn that of rate, filters and ranges, and that of FIFO and power, so that both are
-looked at every 100 ms; and one of the others, every 150 ms."""
+"""A check is two short bursts: by turns that of rate, filters and ranges, and that of FIFO and power, each thus every
+100 ms; and one of the others, every 150 ms."""
 _FIRST = (r.SMPLRT_DIV.address, r.USER_CTRL.address)
 
 Run = tuple[RegisterBits, ...]

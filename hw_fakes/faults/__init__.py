@@ -1,0 +1,1 @@
+"""What can go wrong, on the wires and in the chip: by plan, by hand, with its history."""

@@ -1,0 +1,1 @@
+"""Magnetometers that sit behind the chip on many boards."""

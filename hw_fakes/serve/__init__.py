@@ -1,0 +1,1 @@
+"""`python -m hw_fakes serve`, and its control line."""

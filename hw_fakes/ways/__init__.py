@@ -1,0 +1,1 @@
+"""The ways in for programs that know nothing of the fake."""

@@ -1,0 +1,1 @@
+"""The wires: chips at their addresses, messages, time."""

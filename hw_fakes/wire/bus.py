@@ -1,0 +1,79 @@
+"""The fake's wires as the bus object that quavelet's driver talks to."""
+
+from __future__ import annotations
+
+import errno
+from collections.abc import Mapping
+from types import TracebackType
+from typing import Self
+
+from hw_fakes.target import Target
+from hw_fakes.wire.adapter import READ, Adapter, Message
+from quavelet.bus.faults import bus_error
+from quavelet.core.clock import Clock
+from quavelet.core.errors import BusError
+
+
+class FakeBus:
+    """The chips on one bus; implements `quavelet.bus.protocol.I2CBus`.
+
+    adapter  the wires, with their time, chips and faults
+    """
+
+    def __init__(
+        self, targets: Mapping[int, Target], *, clock: Clock, name: str = "fake:bus", speed_hz: int = 400_000
+    ) -> None:
+        self.adapter = Adapter(targets, clock=clock, speed_hz=speed_hz)
+        self.clock = clock
+        self._name = name
+        self._closed = False
+
+    @property
+    def name(self) -> str:
+        return self._name
+
+    @property
+    def targets(self) -> dict[int, Target]:
+        """The chips by address; one put in or taken out here is put on or off the wires."""
+        return self.adapter.targets
+
+    @property
+    def busy_ns(self) -> int:
+        """The time all transactions took on the wire."""
+        return self.adapter.busy_ns
+
+    @property
+    def transactions(self) -> int:
+        """How many there were, also those that failed."""
+        return self.adapter.transfers
+
+    def write(self, address: int, data: bytes) -> None:
+        if not data:
+            raise ValueError("a write needs at least one byte")
+        self._transfer([(address, 0, data)])
+
+    def write_read(self, address: int, data: bytes, n: int) -> bytes:
+        if not data or n < 1:
+            raise ValueError("a combined read needs at least one byte to write and one to read")
+        return self._transfer([(address, 0, data), (address, READ, n)])[1]
+
+    def close(self) -> None:
+        self._closed = True
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None, /
+    ) -> None:
+        self.close()
+
+    def _transfer(self, messages: list[Message]) -> list[bytes]:
+        address, _, data = messages[0]
+        if self._closed:
+            raise BusError(f"the bus {self._name} is closed: open it again", errno=errno.EBADF, address=address)
+        try:
+            return self.adapter.transfer(messages)
+        except OSError as error:
+            register = data[0] if isinstance(data, bytes) else None
+            raise bus_error(error.errno, bus=self._name, address=address, register=register) from None

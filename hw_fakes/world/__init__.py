@@ -1,0 +1,1 @@
+"""What the board does and what is wrong with its sensors."""
