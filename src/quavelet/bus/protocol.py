@@ -1,7 +1,8 @@
-"""The one thing a driver needs of a bus: move bytes to and from an address."""
+"""What a driver needs of the wires: to move bytes to and from an address, and to hear of a pulse."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from types import TracebackType
 from typing import Protocol, Self
 
@@ -25,6 +26,42 @@ class I2CBus(Protocol):
 
     def close(self) -> None:
         """Let go of the bus; a closed bus refuses every transfer. May be called twice."""
+        ...
+
+    def __enter__(self) -> Self: ...
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None, /
+    ) -> None: ...
+
+
+@dataclass(frozen=True, slots=True)
+class Edge:
+    """The line became active.
+
+    t_ns   when, CLOCK_MONOTONIC, taken in the interrupt and not when somebody got round to it
+    seq    1, 2, 3, ... since the line was opened; a missing number is an edge that found no room while nobody asked
+    """
+
+    t_ns: int
+    seq: int
+
+
+class DataReady(Protocol):
+    """A wire from the chip's INT pin, which gives a pulse with each sample. Every failure is a `BusError`.
+
+    `name` is what the line was opened by ("pinctrl-rp1:17").
+    """
+
+    @property
+    def name(self) -> str: ...
+
+    def wait(self, timeout_s: float) -> list[Edge]:
+        """All edges since the last call, oldest first, as soon as there is one; none after `timeout_s` >= 0."""
+        ...
+
+    def close(self) -> None:
+        """Let go of the line; a closed one refuses to wait. May be called twice."""
         ...
 
     def __enter__(self) -> Self: ...
