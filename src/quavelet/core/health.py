@@ -32,6 +32,8 @@ class Health:
     """All resets of the FIFO while streaming."""
     frames_implausible: int = 0
     """Frames thrown away, since no sensor gives such: a temperature that jumps, or all bytes alike."""
+    spikes: int = 0
+    """Samples thrown away, since they stood alone: the chip's low-pass filter lets no such through."""
     counts_surprising: int = 0
     """Drains thrown away, since so many or so few samples had come that the chip's rate must have changed."""
     bus_errors: int = 0

@@ -12,6 +12,7 @@ from quavelet.core.units import NS_PER_S
 from quavelet.mpu6050.drain import Drain, Loss, Verdict, judge
 from quavelet.mpu6050.plausible import SAME_FRAMES, SAME_NS, first_implausible, same_as_before
 from quavelet.mpu6050.registers import FRAME_BYTES
+from quavelet.mpu6050.spikes import SpikeRule, SpikeState
 from quavelet.mpu6050.stream import StreamInfo
 from quavelet.mpu6050.timebase import TimeBase, TimeBaseState
 
@@ -39,8 +40,9 @@ class DecoderState:
     pending      flags for the first sample after the gap, 0 where there is no gap
     next_seq     the drain number expected next
     doubtful     `taken` was reckoned after a gap by a count whose moment was vague; the next clear one sets it right
-    last_frame   the words of the last frame given out, empty before the first
+    last_frame   the words of the last frame that was timed, empty before the first
     alike        how many frames before it, one after the other, stood as it does on all six axes
+    spikes       what the rule on samples that stand alone remembers
     """
 
     timebase: TimeBaseState
@@ -51,6 +53,7 @@ class DecoderState:
     doubtful: bool = False
     last_frame: tuple[int, ...] = ()
     alike: int = 0
+    spikes: SpikeState = SpikeState()
 
 
 class Decoder:
@@ -67,13 +70,15 @@ class Decoder:
         self._health = health
         self._timebase = TimeBase(nominal_period_s=info.nominal_period_s)
         self._stuck_after = max(SAME_FRAMES, round(SAME_NS / self._timebase.nominal_ns))
+        self._spikes = SpikeRule(info, health=health)
         self._s = DecoderState(timebase=self._timebase.state())
 
     def state(self) -> DecoderState:
-        return replace(self._s, timebase=self._timebase.state())
+        return replace(self._s, timebase=self._timebase.state(), spikes=self._spikes.state())
 
     def restore(self, state: DecoderState) -> None:
         self._s = state
+        self._spikes.restore(state.spikes)
         self._timebase.restore(state.timebase)
 
     @property
@@ -120,6 +125,8 @@ class Decoder:
         if good < len(counts):
             self._health.frames_implausible += len(counts) - good
             self._throw_away(Flag.IMPLAUSIBLE)
+        block = self._spikes.process(block)
+        self._health.samples += len(block)
         return block
 
     def _surprising(self, drain: Drain) -> bool:
@@ -176,7 +183,6 @@ class Decoder:
             last_frame=tuple(counts[-1].tolist()),
             alike=alike,
         )
-        self._health.samples += n
         return RawBlock(
             t_ns=t_ns,
             period_s=np.full(n, base.period_s),

@@ -1,0 +1,149 @@
+"""Samples that stand alone: the chip's low-pass filter lets nothing through that lasts for one sample only.
+
+A bit that flips on the wires within a frame leaves everything else in it plausible, and I2C has no checksum. In a
+gyroscope's word it turns the board by up to a degree or two in one sample.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from quavelet.core.blocks import CountArray, Flag, RawBlock, concat
+from quavelet.core.health import Health
+from quavelet.core.units import NS_PER_S
+from quavelet.mpu6050 import registers as r
+from quavelet.mpu6050.config import ACCEL_LSB_PER_G, GYRO_BANDWIDTH_HZ, GYRO_LSB_PER_DPS
+from quavelet.mpu6050.stream import StreamInfo
+
+BANDWIDTH_PER_RATE = 0.23
+"""The rule is for filters no wider than this part of the sample rate (42 Hz at 200). There even a blow spreads over
+three samples; a wider one lets a sample stand alone, and vibration that folds look like anything."""
+TURN_DEG = 0.3
+"""What a sample that stands alone may turn the board by."""
+FORCE_G = 0.5
+ALONE = 4
+"""It stands so many times as far off the samples around it as they are apart."""
+BEFORE = 3
+"""Samples before it that it is compared with; after it, one."""
+_AXES = [0, 1, 2, 4, 5, 6]
+
+Axes = tuple[int, ...]
+"""The six axes of a frame."""
+
+
+@dataclass(frozen=True, slots=True)
+class SpikeState:
+    """All memory.
+
+    before    the axes of the last samples that stood, three at most, none from before a gap
+    held      a sample that jumped and waits for the one after it, as a block of one row
+    owed_ns   the time of a sample thrown away that the next one's gap has to hold, 0 where there is none
+    """
+
+    before: tuple[Axes, ...] = ()
+    held: RawBlock | None = None
+    owed_ns: int = 0
+
+
+class SpikeRule:
+    """Takes samples that stand alone out of the blocks; the next one is flagged as coming after a gap of their length.
+
+    A sample that jumps at the end of a block is held back until the next block shows whether it stands alone: nothing
+    else is ever delayed. Where a gap comes next nothing will show it, and it is thrown away.
+    """
+
+    def __init__(self, info: StreamInfo, *, health: Health) -> None:
+        self._bounds = spike_bounds(info)
+        self._health = health
+        self._s = SpikeState()
+
+    def state(self) -> SpikeState:
+        return self._s
+
+    def restore(self, state: SpikeState) -> None:
+        self._s = state
+
+    def process(self, block: RawBlock) -> RawBlock:
+        if self._bounds is None or not len(block):
+            return block
+        s, bounds = self._s, self._bounds
+        axes = block.counts[:, _AXES].astype(np.int64)
+        gap = bool(block.flags[0] & Flag.GAP)
+        if s.held is None and not s.owed_ns:
+            before = s.before[-1] if s.before and not gap else axes[0]
+            if not (np.abs(np.diff(axes, axis=0, prepend=[before])) > bounds).any():
+                last = tuple(tuple(row) for row in axes[-BEFORE:].tolist())
+                self._s = SpikeState(((() if gap else s.before) + last)[-BEFORE:])
+                return block
+        return self._looked_at(block if s.held is None else concat([s.held, block]), bounds)
+
+    def _looked_at(self, block: RawBlock, bounds: NDArray[np.int64]) -> RawBlock:
+        s, n = self._s, len(block)
+        rows: list[Axes] = [tuple(row) for row in block.counts[:, _AXES].tolist()]
+        gaps: list[bool] = ((block.flags & Flag.GAP) != 0).tolist()
+        before, owed_ns, kept, held = s.before, s.owed_ns, [], None
+        flags, gap_ns = block.flags.copy(), block.gap_ns.copy()
+        for k, row in enumerate(rows):
+            # What was held back has had its gap looked at.
+            if gaps[k] and not (k == 0 and s.held is not None):
+                before = ()
+            if len(before) == BEFORE and stands_alone(row, before, bounds):
+                if k + 1 == n:
+                    held = k
+                    break
+                if gaps[k + 1] or stands_alone(row, (*before, rows[k + 1]), bounds):
+                    owed_ns += round(float(block.period_s[k]) * NS_PER_S) + int(gap_ns[k])
+                    self._health.spikes += 1
+                    self._health.samples_lost += 1
+                    continue
+            if owed_ns:
+                self._health.gaps += not gaps[k]
+                flags[k] |= np.uint32(Flag.GAP | Flag.IMPLAUSIBLE)
+                gap_ns[k] += owed_ns
+                owed_ns = 0
+            kept.append(k)
+            before = (*before, row)[-BEFORE:]
+        marked = replace(block, flags=flags, gap_ns=gap_ns)
+        self._s = SpikeState(before, None if held is None else marked[held : held + 1], owed_ns)
+        return _rows(marked, kept)
+
+
+def spike_bounds(info: StreamInfo) -> NDArray[np.int64] | None:
+    """How far (6,) a sample must stand off to be a spike, in counts; None where the filter is too wide to say."""
+    dlpf = r.DLPF_CFG.decode(info.config)
+    if dlpf >= len(GYRO_BANDWIDTH_HZ) or GYRO_BANDWIDTH_HZ[dlpf] * info.nominal_period_s > BANDWIDTH_PER_RATE:
+        return None
+    accel = FORCE_G * ACCEL_LSB_PER_G[info.accel_range_g]
+    gyro = TURN_DEG / info.nominal_period_s * GYRO_LSB_PER_DPS[info.gyro_range_dps]
+    return np.array([accel] * 3 + [gyro] * 3).astype(np.int64)
+
+
+def stands_alone(row: Axes, others: tuple[Axes, ...], bounds: NDArray[np.int64]) -> bool:
+    """Whether one axis lies outside all the others by more than its bound, and far more than they are apart."""
+    for value, around, bound in zip(row, zip(*others, strict=True), bounds.tolist(), strict=True):
+        low, high = min(around), max(around)
+        off = max(low - value, value - high)
+        if off > bound and off > ALONE * (high - low):
+            return True
+    return False
+
+
+def spikes_in(counts: CountArray, bounds: NDArray[np.int64]) -> int:
+    """How many of the frames (N, 7), one after the other without a gap, stand alone."""
+    rows: list[Axes] = [tuple(row) for row in counts[:, _AXES].tolist()]
+    around = ((k, (*rows[k - BEFORE : k], rows[k + 1])) for k in range(BEFORE, len(rows) - 1))
+    return sum(stands_alone(rows[k], others, bounds) for k, others in around)
+
+
+def _rows(block: RawBlock, kept: list[int]) -> RawBlock:
+    return RawBlock(
+        t_ns=block.t_ns[kept],
+        period_s=block.period_s[kept],
+        gap_ns=block.gap_ns[kept],
+        flags=block.flags[kept],
+        counts=block.counts[kept],
+        scale=block.scale,
+    )
