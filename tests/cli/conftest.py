@@ -15,15 +15,15 @@ from quavelet.bus.faults import bus_error
 
 class AnotherChip:
     def write(self, data): pass
-    def read(self, n): return bytes([0x70]) * n
+    def read(self, n): return bytes([0x19]) * n
     def stop(self): pass
 
 
 class Dying(FakeBus):
-    """The plug is pulled after a hundred transactions."""
+    """The plug is pulled after four hundred transactions."""
 
     def _transfer(self, messages):
-        if self.transactions == 100:
+        if self.transactions == 400:
             self.targets.clear()
         return super()._transfer(messages)
 

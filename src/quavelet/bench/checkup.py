@@ -1,57 +1,193 @@
-"""The check-up of one board: each finding, and for each bad one the one thing to do next."""
+"""The check-up of one board, from the machine up to the sensors: each finding, and what to do next."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
-import msgspec
 import numpy as np
 
-from quavelet.bus.open import open_bus
+from quavelet.bench import fifo, wires
+from quavelet.bench.finding import Finding
+from quavelet.bench.host import Host, linux_number, others
+from quavelet.bench.sensors import sensors
+from quavelet.bus.open import BusOpener, open_bus
+from quavelet.bus.protocol import I2CBus
 from quavelet.calibration.calibrate import Calibrate
 from quavelet.calibration.model import UNCALIBRATED
-from quavelet.calibration.stillness import StillnessLimits
-from quavelet.core.blocks import FloatArray, ImuBlock, RawBlock, concat
+from quavelet.core.blocks import RawBlock, concat
 from quavelet.core.clock import Clock
+from quavelet.core.errors import BusBusy, BusError, BusPermission, DeviceLost, DeviceMissing, ImuError, WrongChip
 from quavelet.core.health import Health
-from quavelet.core.units import DEG_PER_RAD, NS_PER_S, STANDARD_GRAVITY_M_S2
-from quavelet.mpu6050.config import GYRO_BANDWIDTH_HZ
+from quavelet.core.units import NS_PER_S
+from quavelet.mpu6050 import registers as r
 from quavelet.mpu6050.source import ChipSource
+from quavelet.mpu6050.stream import StreamInfo
+from quavelet.mpu6050.variants import Variant, identify
 from quavelet.settings import Settings
 
 LISTEN_S = 5.0
 DRAIN_S = 0.02
+SETTLED_S = 1.0
+"""What the gyroscope shows at waking (PS 6.1) goes through the narrowest filter in less."""
+LOST_S = 2.0
+"""A chip that has gone for this long does not come back while somebody waits for the verdict."""
 RATE_LIMIT = 0.02
 """PS 6.6: 1 % on the PLL; twice that is a chip running on something else."""
-NOISE_LIMIT_DPS = 0.3
-"""PS 6.1: 0.05 deg/s rms in 98 Hz; real boards lying still show up to three times that."""
-BIAS_LIMIT_DPS = 20.0
-"""PS 6.1: zero-rate output."""
-GRAVITY_LIMIT_G = 0.12
-"""PS 6.2: 80 mg of zero-g offset and 3 % of sensitivity."""
 
 
-class Finding(msgspec.Struct, frozen=True, kw_only=True):
-    """One thing looked at: what was found, and what to do when it is not ok."""
+class CheckUp:
+    """One check-up. The chip is reset by it, and is asleep afterwards.
 
-    name: str
-    ok: bool
-    found: str
-    advice: str = ""
+    error   what ended it before its end, None where all was looked at
+    """
 
+    def __init__(
+        self,
+        settings: Settings,
+        *,
+        clock: Clock,
+        host: Host | None = None,
+        opener: BusOpener = open_bus,
+        waiting: Callable[[str], None] = lambda _text: None,
+    ) -> None:
+        """`waiting` is told what takes long, before it does."""
+        self.error: ImuError | None = None
+        self._settings = settings
+        self._address = settings.bus.address
+        self._clock = clock
+        self._host = host or Host()
+        self._opener = opener
+        self._waiting = waiting
+        self._health = Health()
+        self._number = linux_number(settings.bus.name)
 
-def check_up(settings: Settings, *, clock: Clock) -> Iterator[Finding]:
-    """The findings, as they come. Raises what opening the bus or starting the chip raises."""
-    health = Health()
-    with open_bus(settings.bus.name, clock=clock) as bus:
-        yield Finding(name="bus", ok=True, found=f"{bus.name} is open")
-        source = ChipSource(bus, address=settings.bus.address, config=settings.chip, clock=clock, health=health)
-        info = source.wait_until_streaming()
-        yield Finding(
-            name="chip", ok=True, found=f"0x{info.address:02x} is an {info.variant.name}, it was reset and woke"
+    def findings(self) -> Iterator[Finding]:
+        """The findings, as they come; where nothing more can be looked at, the last one says why.
+
+        Raises SettingsError where the bus has no name of one.
+        """
+        try:
+            bus = self._opener(self._settings.bus.name, clock=self._clock)
+        except BusError as error:
+            self.error = error
+            yield self._not_open(error)
+            return
+        with bus:
+            yield self._open(bus)
+            yield from self._stages(bus)
+
+    def _stages(self, bus: I2CBus) -> Iterator[Finding]:
+        found = self._who_answers(bus)
+        yield found
+        if self.error:
+            return
+        try:
+            variant = self._identify(bus)
+        except (WrongChip, BusError) as error:
+            self.error = error
+            yield self._wrong_chip(bus, error)
+            return
+        yield Finding(name="WHO_AM_I", ok=True, found=f"0x{variant.who_am_i:02x}, {variant.name}")
+        try:
+            number = self._number
+            set_hz = {b.number: b.clock_hz for b in self._host.buses()}.get(number) if number is not None else None
+            yield wires.speed(bus, settings=self._settings, clock=self._clock, set_hz=set_hz)
+            yield wires.registers_hold(bus, address=self._address, clock=self._clock)
+            yield from self._running(bus)
+        except ImuError as error:
+            # It answered a moment ago: to the person before it, it is lost.
+            self.error = DeviceLost(str(error)) if isinstance(error, BusError) else error
+            yield Finding(name="stopped", ok=False, found="nothing more can be looked at", advice=str(error))
+
+    def _open(self, bus: I2CBus) -> Finding:
+        if self._number is None:
+            return Finding(name="bus", ok=True, found=f"{bus.name} is open")
+        buses = self._host.buses()
+        (here,) = [str(b) for b in buses if b.number == self._number] or [bus.name]
+        also = others(buses, self._number)
+        return Finding(name="bus", ok=True, found=f"{here} is open" + (f"; there are also {also}" if also else ""))
+
+    def _not_open(self, error: BusError) -> Finding:
+        found = f"{self._settings.bus.name} cannot be opened"
+        also = others(self._host.buses(), self._number)
+        if isinstance(error, DeviceMissing):
+            found = f"there is no I2C bus {self._settings.bus.name}; " + (
+                f"there are {also}" if also else "there is no I2C bus"
+            )
+            if also:
+                return Finding(name="bus", ok=False, found=found, advice=f"give one of them as --bus ({error})")
+        elif isinstance(error, BusPermission):
+            found = f"this user may not open {self._settings.bus.name}"
+        return Finding(name="bus", ok=False, found=found, advice=str(error))
+
+    def _who_answers(self, bus: I2CBus) -> Finding:
+        try:
+            scan = wires.scan(bus, address=self._address)
+        except BusError as error:
+            self.error = error
+            return Finding(name="who answers", ok=False, found="nobody can: the bus does not move", advice=str(error))
+        if self._address in scan.answers:
+            return Finding(name="who answers", ok=True, found=str(scan))
+        here = f"0x{self._address:02x}"
+        refused = scan.refused.get(self._address)
+        if isinstance(refused, BusBusy):
+            self.error = refused
+            return self._held(refused)
+        self.error = refused or DeviceMissing(f"no answer from {here}", address=self._address)
+        if refused:
+            return Finding(name="who answers", ok=False, found=f"{here} gives errors", advice=str(refused))
+        found = f"{here} is silent; " + (f"there are {scan}" if scan.answers else "nobody answers on this bus")
+        other = next((a for a in wires.MPU_ADDRESSES if a in scan.answers and a != self._address), None)
+        if other is not None:
+            found = f"{here} is silent, 0x{other:02x} answers with WHO_AM_I 0x{scan.answers[other]:02x}"
+            advice = f"AD0 is {'high' if other == 0x69 else 'low'}: give --address 0x{other:02x}"
+        elif scan.answers:
+            advice = "the wires are well up to these: check VCC, GND and AD0 (low = 0x68, high = 0x69) of this board"
+        else:
+            advice = "check, in this order: VCC 3.3 V and GND, SDA and SCL not swapped, the solder of the pins"
+            if also := others(self._host.buses(), self._number) if self._number is not None else "":
+                advice += f", and whether it is on another bus ({also})"
+        return Finding(name="who answers", ok=False, found=found, advice=advice)
+
+    def _held(self, error: BusBusy) -> Finding:
+        device, driver = self._host.holder(self._number, self._address) if self._number is not None else ("", "")
+        held = f"0x{self._address:02x} is held by the kernel's driver {driver or 'of this address'}"
+        held += f" for {device}" if device else ""
+        advice = str(error)
+        if "mpu6050" in device or "mpu6050" in driver:
+            advice = (
+                "take dtoverlay=mpu6050 out of /boot/firmware/config.txt and reboot; "
+                "until then: sudo modprobe -r inv_mpu6050_i2c"
+            )
+        elif driver.startswith("rtc") or device.startswith("ds"):
+            advice = "a clock chip has this address: wire AD0 of the MPU-6050 to 3.3 V and give --address 0x69"
+        return Finding(name="who answers", ok=False, found=held, advice=advice)
+
+    def _identify(self, bus: I2CBus) -> Variant:
+        who_am_i = bus.write_read(self._address, bytes([r.WHO_AM_I.address]), 1)[0]
+        return identify(who_am_i, bus=bus.name, address=self._address)
+
+    def _wrong_chip(self, bus: I2CBus, error: WrongChip | BusError) -> Finding:
+        found = f"0x{error.found:02x}, which is no MPU-6050's" if isinstance(error, WrongChip) else "cannot be read"
+        try:
+            clock_chip = wires.looks_like_clock(bus.write_read(self._address, b"\x00", 7))
+        except BusError:
+            clock_chip = False
+        if clock_chip:
+            found = f"0x{self._address:02x} is a clock chip, a DS1307 or DS3231: its registers tell the time"
+            advice = "take the clock off, or wire AD0 of the MPU-6050 to 3.3 V and give --address 0x69"
+            return Finding(name="WHO_AM_I", ok=False, found=found, advice=advice)
+        return Finding(name="WHO_AM_I", ok=False, found=found, advice=str(error))
+
+    def _running(self, bus: I2CBus) -> Iterator[Finding]:
+        config = self._settings.chip
+        source = ChipSource(
+            bus, address=self._address, config=config, clock=self._clock, health=self._health, lost_s=LOST_S
         )
-        yield _configuration(health)
-        block = _listen(source, clock)
+        info = source.wait_until_streaming()
+        yield self._started(info)
+        self._waiting(f"listening for {LISTEN_S:g} s, leave the board lying still")
+        block = self._listen(source)
         if not len(block):
             yield Finding(
                 name="samples",
@@ -60,30 +196,32 @@ def check_up(settings: Settings, *, clock: Clock) -> Iterator[Finding]:
                 advice="power the board off and on; if that does not help, the chip is broken",
             )
             return
-        decoder = source.decoder
-        measured_hz = decoder.measured_rate_hz if decoder else None
+        measured_hz = source.decoder.measured_rate_hz if source.decoder else None
         yield _rate(measured_hz, 1.0 / info.nominal_period_s)
-        yield _losses(health)
-        yield from _sensors(Calibrate(UNCALIBRATED).process(block), GYRO_BANDWIDTH_HZ[settings.chip.dlpf])
+        yield _losses(self._health)
+        settled = block[int(np.searchsorted(block.t_ns, block.t_ns[0] + SETTLED_S * NS_PER_S)) :]
+        if len(settled):
+            yield from sensors(Calibrate(UNCALIBRATED).process(settled), config)
+        yield fifo.overflow(bus, address=self._address, variant=info.variant, clock=self._clock)
+        bus.write(self._address, bytes([r.PWR_MGMT_1.address, r.DEVICE_RESET.mask]))
 
+    def _started(self, info: StreamInfo) -> Finding:
+        bad = self._health.config_mismatches
+        return Finding(
+            name="chip",
+            ok=bad == 0,
+            found=f"the {info.variant.name} at 0x{info.address:02x} was reset, woke, and is configured"
+            + ("" if bad == 0 else f", but {_times(bad, 'register')} did not hold at first"),
+            advice="" if bad == 0 else "check the supply voltage, shorten the wires",
+        )
 
-def _listen(source: ChipSource, clock: Clock) -> RawBlock:
-    blocks = [source.read()]
-    start_ns = clock.now_ns()
-    for k in range(1, round(LISTEN_S / DRAIN_S) + 1):
-        clock.sleep_until_ns(start_ns + round(k * DRAIN_S * NS_PER_S))
-        blocks.append(source.read())
-    return concat(blocks)
-
-
-def _configuration(health: Health) -> Finding:
-    bad = health.config_mismatches
-    return Finding(
-        name="registers",
-        ok=bad == 0,
-        found="hold what was written" if bad == 0 else f"{bad} times one did not hold what was written",
-        advice="" if bad == 0 else "shorten the wires, check the supply voltage and the pull-ups",
-    )
+    def _listen(self, source: ChipSource) -> RawBlock:
+        blocks = [source.read()]
+        start_ns = self._clock.now_ns()
+        for k in range(1, round(LISTEN_S / DRAIN_S) + 1):
+            self._clock.sleep_until_ns(start_ns + round(k * DRAIN_S * NS_PER_S))
+            blocks.append(source.read())
+        return concat(blocks)
 
 
 def _rate(measured_hz: float | None, nominal_hz: float) -> Finding:
@@ -101,70 +239,35 @@ def _rate(measured_hz: float | None, nominal_hz: float) -> Finding:
         ok=ok,
         found=f"{measured_hz:.2f} Hz, {100 * error:+.2f} % of {nominal_hz:g} Hz (measured, and corrected for)",
         advice="" if ok else "the chip does not run on its PLL: power it off and on, or replace it",
+        figures={"rate_hz": round(measured_hz, 4), "error_percent": round(100 * error, 4)},
     )
 
 
 def _losses(health: Health) -> Finding:
-    ok = health.gaps == 0 and health.fifo_resets == 0
+    lost, transfers = health.gaps > 0 or health.fifo_resets > 0, health.bus_errors
+    found = f"{health.samples} samples, {health.samples_lost} lost in {_times(health.gaps, 'gap')}"
+    if transfers:
+        found += f"; {_times(transfers, 'transfer')} failed, {health.bus_retries} repeated at once"
+    advice = ""
+    if health.fifo_overflows or health.fifo_near_full:
+        advice = "the host came too late for the FIFO: stop other programs, or raise loop.rate_hz"
+    elif health.stuck:
+        found += "; no axis changed, so that the chip was reset for it"
+        advice = "see 'axes alive'"
+    elif health.registers_upset or health.chip_restarts:
+        found += f"; {_times(health.registers_upset, 'register')} had changed, {_times(health.chip_restarts, 'reset')}"
+        advice = "the supply dips: give the board 3.3 V of its own with a capacitor of 10 uF close to it"
+    elif lost or transfers:
+        advice = "the wires are disturbed: shorten them, keep them off motors, add pull-ups of 2.2 to 4.7 kOhm to 3.3 V"
+    troubles = ("samples", "samples_lost", "gaps", "fifo_resets", "bus_errors", "bus_retries", "chip_restarts")
     return Finding(
         name="no sample lost",
-        ok=ok,
-        found=f"{health.samples} samples, {health.samples_lost} lost, {health.fifo_resets} FIFO resets, "
-        f"{health.bus_errors} bus errors",
-        advice="" if ok else "set dtparam=i2c_arm_baudrate=400000, shorten the wires, check the pull-ups",
+        ok=not lost,
+        found=found,
+        advice=advice,
+        figures={name: float(count) for name, count in health.as_dict().items() if count or name in troubles},
     )
 
 
-def _sensors(block: ImuBlock, bandwidth_hz: int) -> Iterator[Finding]:
-    gyro_dps = DEG_PER_RAD * block.gyro_rad_s
-    accel_g = block.accel_m_s2 / STANDARD_GRAVITY_M_S2
-    limits = StillnessLimits()
-    noise_dps, noise_g = gyro_dps.std(axis=0), accel_g.std(axis=0)
-    still = bool(
-        (noise_dps <= DEG_PER_RAD * limits.gyro_sd_rad_s).all()
-        and (noise_g <= limits.accel_sd_m_s2 / STANDARD_GRAVITY_M_S2).all()
-    )
-    yield Finding(
-        name="board still",
-        ok=still,
-        found="yes" if still else f"no, it turns or shakes by {float(noise_dps.max()):.1f} deg/s rms",
-        advice="" if still else "lay it down, let go, and run this again: what follows was judged on a moving board",
-    )
-    alive = bool((noise_dps > 0).all() and (noise_g > 0).all())
-    quiet = bool((noise_dps <= NOISE_LIMIT_DPS).all())
-    yield Finding(
-        name="gyroscope noise",
-        ok=alive and quiet,
-        found=f"{_three(noise_dps, 3)} deg/s rms in {bandwidth_hz} Hz (limit {NOISE_LIMIT_DPS:g}, data sheet 0.05)",
-        advice=""
-        if alive and quiet
-        else ("an axis never changes: the chip is stuck, power it off and on" if not alive else "see 'board still'"),
-    )
-    bias = gyro_dps.mean(axis=0)
-    ok = bool((np.abs(bias) <= BIAS_LIMIT_DPS).all())
-    yield Finding(
-        name="gyroscope bias",
-        ok=ok,
-        found=f"{_three(bias, 2)} deg/s (data sheet: within {BIAS_LIMIT_DPS:g}; removed at each still start)",
-        advice="" if ok else "the board turns, or the chip is out of its data sheet: replace it",
-    )
-    gravity = float(np.linalg.norm(accel_g.mean(axis=0)))
-    ok = abs(gravity - 1.0) <= GRAVITY_LIMIT_G
-    yield Finding(
-        name="gravity",
-        ok=ok,
-        found=f"{gravity:.4f} g",
-        advice="" if ok else "0.5 or 2 g is early silicon or a clone with another scale; else an axis is broken",
-    )
-    temp = float(block.temp_degc.mean())
-    ok = -40.0 <= temp <= 85.0
-    yield Finding(
-        name="temperature",
-        ok=ok,
-        found=f"{temp:.1f} degC in the chip",
-        advice="" if ok else "the reading is outside what the chip survives: it is a clone with another formula",
-    )
-
-
-def _three(values: FloatArray, digits: int) -> str:
-    return " ".join(f"{value:.{digits}f}" for value in values.tolist())
+def _times(n: int, what: str) -> str:
+    return f"{n} {what}{'' if n == 1 else 's'}"

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import shutil
+import sys
+import textwrap
 from typing import Annotated
 
 import msgspec
 import typer
 
-from quavelet.bench.checkup import Finding, check_up
+from quavelet.bench.checkup import CheckUp
+from quavelet.bench.finding import Finding
 from quavelet.cli import exits, options
 from quavelet.core.clock import Clock, MonotonicClock, VirtualClock
-from quavelet.core.errors import ImuError
+from quavelet.settings import Settings
 
 AsJson = Annotated[bool, typer.Option("--json", help="One JSON object a finding, a line each.")]
+INDENT = 25
 
 
 def doctor(
@@ -22,28 +27,59 @@ def doctor(
     json: AsJson = False,
     virtual_time: options.VirtualTime = False,
 ) -> None:
-    """Check the bus, the chip and five seconds of samples; leave the board lying still meanwhile."""
+    """Check the machine, the wires, the chip and its sensors; leave the board lying still meanwhile.
+
+    Takes seven seconds. The chip is reset: stop whatever else reads it.
+    """
     settings = options.settings_of(bus, address, config).settings
     clock: Clock = VirtualClock() if options.on_virtual_time(settings, virtual_time) else MonotonicClock()
-    show = _show_json if json else _show_line
-    all_ok, code = True, exits.OK
-    try:
-        for finding in check_up(settings, clock=clock):
-            show(finding)
-            all_ok &= finding.ok
-    except exits.OutputError:
-        raise
-    except ImuError as error:
-        show(Finding(name="stopped", ok=False, found=type(error).__name__, advice=str(error)))
-        code = exits.exit_code(error)
-    if code == exits.OK and not all_ok:
-        code = exits.VERDICT_FAILED
-    raise typer.Exit(code)
+    show = _show_json if json else _show_lines
+    check = CheckUp(settings, clock=clock, waiting=_wait)
+    bad: list[Finding] = []
+    looked = 0
+    for finding in check.findings():
+        show(finding)
+        looked += 1
+        if not finding.ok:
+            bad.append(finding)
+    show(_verdict(settings, looked, bad))
+    raise typer.Exit(exits.exit_code(check.error) if check.error else exits.VERDICT_FAILED if bad else exits.OK)
 
 
-def _show_line(finding: Finding) -> None:
-    line = f"{'ok  ' if finding.ok else 'BAD '} {finding.name:<16} {finding.found}"
-    exits.put(f"{line}\n{'':21}-> {finding.advice}" if finding.advice else line)
+def _verdict(settings: Settings, looked: int, bad: list[Finding]) -> Finding:
+    fake = " (a fake chip: NOT A REAL ONE)" if settings.bus.name.startswith("fake:") else ""
+    if not bad:
+        found = f"all is well in {looked} points{fake}; next: quavelet run --bus {settings.bus.name}"
+        address = settings.bus.address
+        return Finding(
+            name="verdict", ok=True, found=found + (f" --address 0x{address:02x}" if address != 0x68 else "")
+        )
+    more = " first, since each point builds on those above it" if len(bad) > 1 else ""
+    return Finding(
+        name="verdict",
+        ok=False,
+        found=f"not well in {len(bad)} of {looked} points{fake}: {', '.join(finding.name for finding in bad)}",
+        advice=f"do what stands under '{bad[0].name}'{more}, and run this again",
+    )
+
+
+def _wait(text: str) -> None:
+    if sys.stderr.isatty():
+        print(f"     ({text})", file=sys.stderr)
+
+
+def _show_lines(finding: Finding) -> None:
+    to_terminal = sys.stdout.isatty()
+    mark, colour = ("BAD ", "red") if not finding.ok else ("note", "yellow") if finding.advice else ("ok  ", "green")
+    # In a file or a pipe each finding and each advice is a line, for grep.
+    width = max(INDENT + 20, min(120, shutil.get_terminal_size().columns)) if to_terminal else 10_000
+    found = textwrap.fill(f"{finding.name:<19} {finding.found}", width - 5, subsequent_indent=" " * (INDENT - 5))
+    lines = textwrap.indent(found, " " * 5)[5:].splitlines()
+    shown = [f"{typer.style(mark, fg=colour, bold=True) if to_terminal else mark} {lines[0]}", *lines[1:]]
+    if finding.advice:
+        advice = textwrap.wrap(f"-> {finding.advice}", width - INDENT, subsequent_indent="   ")
+        shown += [" " * INDENT + (typer.style(line, bold=True) if to_terminal else line) for line in advice]
+    exits.put("\n".join(shown))
 
 
 def _show_json(finding: Finding) -> None:

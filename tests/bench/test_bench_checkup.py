@@ -1,0 +1,333 @@
+"""Each way in which a board can be bad is told by its own finding, with the one thing to do; a good one passes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from boards import QUIET, Checked, Clock3231, Registers, checked, good_chip
+
+from hw_fakes import ICM20689, MPU6000, NOISE_ONLY, TYPICAL, FakeBus, FakeMpu6050, Sway, Turntable
+from quavelet.bench.host import Host
+from quavelet.bus.faults import bus_error
+from quavelet.core.clock import Clock
+from quavelet.core.errors import BusBusy, BusError, ChipUnstable, DeviceLost, DeviceMissing, WrongChip
+from quavelet.mpu6050.config import ChipConfig
+from quavelet.settings import BusSettings, Settings
+
+POINTS = [
+    *("bus", "who answers", "WHO_AM_I", "wire speed", "registers", "chip", "sample rate", "no sample lost"),
+    *("board still", "axes alive", "gyroscope noise", "accelerometer noise", "gyroscope bias", "gravity"),
+    *("temperature", "FIFO"),
+]
+
+
+def chip(**arguments: Any) -> Callable[[Clock], FakeMpu6050]:
+    return lambda clock: FakeMpu6050(clock, **{**QUIET, **arguments})
+
+
+def config(rate_hz: float = 200.0, *, dlpf: int = 3, gyro: int = 500, accel: int = 4) -> Settings:
+    return Settings(chip=ChipConfig(gyro_range_dps=gyro, accel_range_g=accel, dlpf=dlpf, sample_rate_hz=rate_hz))
+
+
+def well_formed(done: Checked) -> None:
+    """No name twice, and advice for all that is bad."""
+    assert len(set(done.names)) == len(done.names)
+    assert [finding.name for finding in done.findings if not finding.ok and not finding.advice] == []
+
+
+@pytest.mark.parametrize("make", [good_chip, chip(imperfections=TYPICAL), chip(personality=MPU6000)])
+@pytest.mark.parametrize("dlpf", range(7))
+@pytest.mark.parametrize(("gyro", "accel"), [(250, 2), (2000, 16)])
+def test_a_good_board_passes_with_every_filter_and_range(
+    make: Callable[[Clock], FakeMpu6050], dlpf: int, gyro: int, accel: int
+) -> None:
+    done = checked(make, settings=config(dlpf=dlpf, gyro=gyro, accel=accel))
+    assert (done.bad, done.error) == ([], None)
+    assert done.names[: len(POINTS)] == POINTS
+    assert [finding.name for finding in done.findings if finding.advice] == []
+
+
+@pytest.mark.parametrize("speed_hz", [10_000, 100_000, 400_000, 1_000_000])
+def test_the_speed_is_that_of_the_wires(speed_hz: int) -> None:
+    done = checked(speed_hz=speed_hz)
+    assert done["wire speed"].figures["bus_hz"] == pytest.approx(speed_hz, rel=0.001)
+    assert bool(done["wire speed"].advice) == (speed_hz != 400_000)
+
+
+def test_wires_that_are_too_slow_for_the_rate_are_told_before_samples_are_lost() -> None:
+    done = checked(speed_hz=100_000, settings=config(1000.0))
+    assert done.bad[0] == "wire speed"
+    assert "i2c_arm_baudrate=400000" in done["wire speed"].advice
+    slower = float(done["wire speed"].advice.split("sample_rate_hz of ")[1].split()[0])
+    rate_hz = 1000.0 / (1000.0 // slower + 1)
+    assert checked(speed_hz=100_000, settings=config(rate_hz)).bad == []
+
+
+def test_a_silent_bus_and_a_silent_board_are_told_apart() -> None:
+    alone, among_others = checked(None), checked(None, beside={0x77: Registers()})
+    for done in (alone, among_others):
+        assert done.bad == ["who answers"]
+        assert isinstance(done.error, DeviceMissing)
+    assert "SDA and SCL not swapped" in alone["who answers"].advice
+    assert "the wires are well" in among_others["who answers"].advice
+    assert "0x77 (a barometer?)" in among_others["who answers"].found
+
+
+@pytest.mark.parametrize(("asked", "there"), [(0x68, 0x69), (0x69, 0x68)])
+def test_a_board_at_the_other_address_is_found(asked: int, there: int) -> None:
+    done = checked(at=there, settings=Settings(bus=BusSettings(address=asked)))
+    assert done.bad == ["who answers"]
+    assert f"give --address 0x{there:02x}" in done["who answers"].advice
+    assert checked(at=there, settings=Settings(bus=BusSettings(address=there))).bad == []
+
+
+def test_a_clock_chip_is_known_by_its_time_and_nothing_is_written_to_it() -> None:
+    clock_chip = Clock3231()
+    done = checked(lambda _clock: clock_chip)
+    assert done.bad == ["WHO_AM_I"]
+    assert "clock" in done["WHO_AM_I"].found
+    assert "AD0" in done["WHO_AM_I"].advice
+    assert clock_chip.written == []
+
+
+@pytest.mark.parametrize("who_am_i", [0x00, 0x33, 0xA5, 0xFF])
+def test_nothing_is_written_to_a_chip_that_is_not_ours(who_am_i: int) -> None:
+    other = Registers(r75=who_am_i, r03=0xAA)
+    done = checked(lambda _clock: other, beside={0x77: (neighbour := Registers())})
+    assert done.bad == ["WHO_AM_I"]
+    assert isinstance(done.error, WrongChip)
+    assert f"0x{who_am_i:02x}" in done["WHO_AM_I"].found
+    assert other.written == neighbour.written == []
+
+
+def test_a_line_held_low_stops_the_check_up_at_once() -> None:
+    done = checked(good_chip, "time-out p=1")
+    assert done.names == ["bus", "who answers"]
+    assert "held low" in done["who answers"].advice
+    assert type(done.error) is BusError
+
+
+def test_disturbed_wires_are_told_by_the_registers() -> None:
+    for fault in ("nack p=0.02 seed=1", "flip-write p=0.05 seed=2", "eio p=0.05 seed=3"):
+        done = checked(good_chip, fault)
+        assert not done["registers"].ok, fault
+        assert "the wires are disturbed" in done["registers"].advice
+        well_formed(done)
+
+
+def test_a_chip_that_takes_no_writes_is_not_blamed_on_the_wires() -> None:
+    done = checked(lambda _clock: Registers(r75=0x68, r6B=0x40))
+    assert "takes no writes" in done["registers"].found
+    assert isinstance(done.error, ChipUnstable)
+    well_formed(done)
+
+
+@pytest.mark.parametrize("at_s", [0.05, 0.1, 0.2, 0.5, 2.0, 4.0])
+def test_a_chip_unplugged_at_any_time_ends_the_check_up_with_one_finding(at_s: float) -> None:
+    done = checked(good_chip, f"unplugged at={at_s}")
+    assert isinstance(done.error, DeviceLost | ChipUnstable)
+    assert done.names[-1] == "stopped"
+    assert set(done.bad) <= {"no sample lost", "stopped"}
+    assert "no answer from address 0x68" in done.findings[-1].advice
+
+
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [
+        ("brown-out at=3", "the supply dips"),
+        ("changed at=3 register=0x1b value=0", "the supply dips"),
+        ("overflow at=3", "the host came too late"),
+        ("slip at=3", "the wires are disturbed"),
+        ("frozen at=3", "see 'axes alive'"),
+    ],
+)
+def test_lost_samples_are_told_with_what_lost_them(fault: str, words: str) -> None:
+    done = checked(good_chip, fault)
+    assert not done["no sample lost"].ok
+    assert words in done["no sample lost"].advice
+    well_formed(done)
+
+
+def test_disturbed_transfers_that_were_made_good_are_a_note() -> None:
+    done = checked(good_chip, "eio every=0.3")
+    assert done.bad == []
+    assert "failed" in done["no sample lost"].found
+    assert done["no sample lost"].advice
+
+
+def test_another_chip_put_in_its_place_is_told() -> None:
+    done = checked(good_chip, "swapped at=3")
+    assert isinstance(done.error, DeviceLost)
+    assert "exchanged" in done.findings[-1].advice
+
+
+def test_a_frozen_chip_is_not_judged_by_its_words() -> None:
+    done = checked(good_chip, "frozen")
+    assert not done["axes alive"].ok
+    assert "gravity" not in done.names
+    well_formed(done)
+
+
+def test_an_axis_that_is_dead_is_named() -> None:
+    def make(clock: Clock) -> FakeMpu6050:
+        broken = good_chip(clock)
+
+        def spoil(words: Any) -> Any:
+            spoilt = words.copy()
+            spoilt[:, 5] = 17
+            return spoilt
+
+        broken.spoil_words = spoil
+        return broken
+
+    done = checked(make)
+    assert done["axes alive"].found == "gyroscope y never changed"
+
+
+def test_a_board_that_is_moved_is_told_and_not_judged() -> None:
+    done = checked(chip(motion=Sway()))
+    assert done.bad == ["board still"]
+    assert "gravity" not in done.names
+
+
+@pytest.mark.parametrize(("scale", "words"), [(0.5, "half of"), (2.0, "twice"), (1.3, "")])
+def test_a_wrong_scale_is_seen_in_gravity(scale: float, words: str) -> None:
+    done = checked(chip(imperfections=replace(NOISE_ONLY, accel_scale=(scale,) * 3)))
+    assert done.bad == ["gravity"]
+    assert words in done["gravity"].found
+    assert done["gravity"].figures["gravity_g"] == pytest.approx(scale, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("times", "ok", "advice"), [(1, True, False), (2, True, False), (5, True, True), (11, False, True)]
+)
+def test_noise_is_judged_against_the_data_sheet(times: float, ok: bool, advice: bool) -> None:
+    noisy = replace(NOISE_ONLY, gyro_noise_rad_s_rthz=times * NOISE_ONLY.gyro_noise_rad_s_rthz)
+    found = checked(chip(imperfections=noisy))["gyroscope noise"]
+    assert (found.ok, bool(found.advice)) == (ok, advice)
+    assert found.figures["z_dps_rthz"] == pytest.approx(0.005 * times, rel=0.15)
+
+
+def test_a_bias_out_of_the_data_sheet_is_told() -> None:
+    assert checked(chip(imperfections=replace(NOISE_ONLY, gyro_bias_rad_s=(0.5, 0.0, 0.0)))).bad == ["gyroscope bias"]
+    turning = Turntable(start_s=0.0, turn_deg=36_000.0, ramp_s=0.1)
+    assert checked(chip(motion=turning)).bad == ["gyroscope bias"]
+
+
+@pytest.mark.parametrize(("error", "ok"), [(-0.01, True), (0.01, True), (0.04, False)])
+def test_a_chip_off_its_pll_is_told_by_its_rate(error: float, ok: bool) -> None:
+    done = checked(chip(pll_error=error))
+    assert done["sample rate"].ok == ok
+    assert done["sample rate"].figures["error_percent"] == pytest.approx(100 * error, abs=0.05)
+
+
+def test_a_temperature_that_cannot_be_is_told() -> None:
+    assert checked(good_chip, "temperature by=80").bad == ["temperature"]
+    warm = checked(good_chip, "temperature by=25")
+    assert (warm.bad, bool(warm["temperature"].advice)) == ([], True)
+
+
+def test_a_fifo_of_another_size_is_told() -> None:
+    clone = replace(MPU6000, fifo_bytes=(512,))
+    done = checked(chip(personality=clone))
+    assert not done["FIFO"].ok
+    assert "holds 512 bytes where the MPU-6050 has 1024" in done["FIFO"].found
+
+
+def test_a_good_chip_is_left_as_after_power_up() -> None:
+    chips: list[FakeMpu6050] = []
+
+    def make(clock: Clock) -> FakeMpu6050:
+        chips.append(good_chip(clock))
+        return chips[0]
+
+    checked(make)
+    assert chips[0].written[-1] == (0x6B, 0x80)
+
+
+class Refusing:
+    """A bus whose transfers to one address are refused as a kernel that holds it does."""
+
+    def __init__(self, code: int) -> None:
+        self.code = code
+
+    def __call__(self, bus: FakeBus) -> None:
+        transfer = bus._transfer
+
+        def refusing(messages: Any) -> Any:
+            if messages[0][0] == 0x68:
+                raise bus_error(self.code, bus="linux:1", address=0x68)
+            return transfer(messages)
+
+        bus._transfer = refusing  # type: ignore[method-assign]
+
+
+@pytest.mark.parametrize(
+    ("device", "driver", "words"),
+    [
+        ("ds3231", "rtc-ds1307", "a clock chip has this address"),
+        ("mpu6050", "inv-mpu6050-i2c", "modprobe -r inv_mpu6050_i2c"),
+        ("", "", "wire AD0 high"),
+    ],
+)
+def test_an_address_the_kernel_holds_is_told_with_who_holds_it(
+    device: str, driver: str, words: str, tmp_path: Path
+) -> None:
+    if device:
+        folder = tmp_path / "sys/bus/i2c/devices/1-0068"
+        drivers = tmp_path / "sys/bus/i2c/drivers" / driver
+        folder.mkdir(parents=True)
+        drivers.mkdir(parents=True)
+        (folder / "name").write_text(f"{device}\n")
+        (folder / "driver").symlink_to(drivers)
+    done = checked(prepare=Refusing(16), host=Host(tmp_path), settings=Settings(bus=BusSettings(name="linux:1")))
+    assert done.bad == ["who answers"]
+    assert isinstance(done.error, BusBusy)
+    assert words in done["who answers"].advice
+    assert driver in done["who answers"].found
+
+
+def host_with_buses(root: Path, **adapters: str) -> Host:
+    for bus, name in adapters.items():
+        path = bus.replace("_", "-")
+        (root / "dev").mkdir(exist_ok=True)
+        (root / "dev" / path).touch()
+        folder = root / "sys/bus/i2c/devices" / path
+        folder.mkdir(parents=True)
+        (folder / "name").write_text(f"{name}\n")
+    return Host(root)
+
+
+def test_the_buses_there_are_are_told_and_the_clock_asked_for(tmp_path: Path) -> None:
+    host = host_with_buses(tmp_path, i2c_1="bcm2835 (i2c@7e804000)", i2c_20="fef04500.i2c")
+    node = tmp_path / "sys/bus/i2c/devices/i2c-1/of_node"
+    node.mkdir()
+    (node / "clock-frequency").write_bytes((100_000).to_bytes(4, "big"))
+    done = checked(host=host, settings=Settings(bus=BusSettings(name="linux:1")))
+    assert done["bus"].found == "linux:1 (bcm2835 (i2c@7e804000)) is open; there are also linux:20 (fef04500.i2c)"
+    assert "set to 100 kHz" in done["wire speed"].found
+
+
+@pytest.mark.parametrize(("there", "words"), [(("i2c_1",), "--bus"), ((), "raspi-config")])
+def test_a_bus_that_is_not_there_is_told_with_those_that_are(
+    there: tuple[str, ...], words: str, tmp_path: Path
+) -> None:
+    host = host_with_buses(tmp_path, **dict.fromkeys(there, "bcm2835"))
+
+    def missing(_bus: FakeBus) -> None:
+        raise bus_error(2, bus="/dev/i2c-7")
+
+    done = checked(prepare=missing, host=host, settings=Settings(bus=BusSettings(name="linux:7")))
+    assert done.names == ["bus"]
+    assert words in done["bus"].advice
+    assert ("linux:1 (bcm2835)" in done["bus"].found) == bool(there)
+
+
+def test_a_family_member_is_driven_or_refused_but_never_judged_as_another() -> None:
+    done = checked(chip(personality=ICM20689))
+    well_formed(done)
+    assert isinstance(done.error, WrongChip) or "gravity" in done.names
