@@ -15,6 +15,7 @@ from rich.console import Console
 
 from quavelet.bus.open import open_bus
 from quavelet.cli import exits, options
+from quavelet.cli.counts import in_words
 from quavelet.cli.panel import LivePanel, Status
 from quavelet.core.clock import Clock, MonotonicClock, VirtualClock
 from quavelet.core.errors import ImuError
@@ -144,13 +145,11 @@ def _be_punctual(stack: ExitStack, loop: LoopSettings) -> None:
 
 
 def tell_counts(health: Health, src: str, rate_hz: float | None) -> None:
-    """What came, what was lost, and every counter that is not zero, on stderr."""
+    """What came, what was lost, and all that happened to it, on stderr."""
     rate = "sample rate not measured" if rate_hz is None else f"{rate_hz:.3f} samples/s measured"
     talk(f"{health.samples} samples from {src}, {health.samples_lost} lost in {health.gaps} gaps, {rate}")
-    usual = ("samples", "drains", "fifo_empty")
-    troubles = {name: n for name, n in health.as_dict().items() if n and name not in usual}
-    if troubles:
-        talk("counted: " + ", ".join(f"{name} {n}" for name, n in troubles.items()))
+    for line in in_words(health):
+        talk(line)
 
 
 def outcome(messages: Hub[Message]) -> int:
