@@ -15,9 +15,13 @@ if TYPE_CHECKING:
     from hw_fakes.boards import board as board
     from hw_fakes.chip.counts import RecordedCounts as RecordedCounts
     from hw_fakes.chip.mpu6050 import FakeMpu6050 as FakeMpu6050
+    from hw_fakes.chip.personalities import CLONE_69 as CLONE_69
+    from hw_fakes.chip.personalities import CLONE_72 as CLONE_72
+    from hw_fakes.chip.personalities import CLONE_75 as CLONE_75
     from hw_fakes.chip.personalities import ICM20689 as ICM20689
     from hw_fakes.chip.personalities import MPU6000 as MPU6000
     from hw_fakes.chip.personalities import MPU6050 as MPU6050
+    from hw_fakes.chip.personalities import MPU6050_EARLY as MPU6050_EARLY
     from hw_fakes.chip.personalities import MPU6500 as MPU6500
     from hw_fakes.chip.personalities import MPU6515 as MPU6515
     from hw_fakes.chip.personalities import MPU9150 as MPU9150
@@ -112,7 +116,8 @@ _NAMES = {
     "world.motion_carried": "Drone Walk",
     "world.motion_recorded": "RecordedMotion load_motion",
     "world.motion_switched": "SwitchedMotion",
-    "chip.personalities": "ICM20689 MPU6000 MPU6050 MPU6500 MPU6515 MPU9150 MPU9250 MPU9255 PERSONALITIES Personality",
+    "chip.personalities": "CLONE_69 CLONE_72 CLONE_75 ICM20689 MPU6000 MPU6050 MPU6050_EARLY MPU6500 MPU6515 MPU9150 "
+    "MPU9250 MPU9255 PERSONALITIES Personality",
     "ways.preload": "served_device",
     "scenarios": "MOTIONS counts_chip motion_named open_fake",
     "wire.script": "ScriptedBus Write WriteRead",

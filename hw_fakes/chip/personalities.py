@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,9 @@ _STICKS_6500 = {
     reg.PWR_MGMT_1: 0x7F,
     reg.PWR_MGMT_2: 0x3F,
 }
-_RELATIVE_CODES = (0xA0, 0x90, 0xB0, 0xA8, 0x98, 0xB8)
+# Gyroscope, then accelerometer, x y z: 80 to 114 deg/s, and 0.41 to 0.52 g, the middle of what the vendor's driver
+# takes where there are no codes.
+_RELATIVE_CODES = (0x8D, 0x90, 0xB0, 0x60, 0x68, 0x78)
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +37,9 @@ class Personality:
     accel_offsets       addresses of the high bytes, x y z; the low byte follows
     self_test           addresses of the factory's codes
     self_test_codes     what those hold where nothing else is asked for
+    accel_gain          counts per g, over those of the data sheet
+    revision            what bit 0 of the accelerometer's three offset words says, x the lowest; None: as in its trim
+    product_id          register 0x0C
     """
 
     name: str
@@ -47,6 +52,9 @@ class Personality:
     accel_offsets: tuple[int, int, int] = (0x06, 0x08, 0x0A)
     self_test: tuple[int, ...] = (0x0D, 0x0E, 0x0F, 0x10)
     self_test_codes: tuple[int, ...] = reg.SELF_TEST_CODES
+    accel_gain: float = 1.0
+    revision: int | None = None
+    product_id: int = 0
 
     @property
     def class_6500(self) -> bool:
@@ -57,7 +65,10 @@ class Personality:
         """The 128 registers after a reset."""
         registers = bytearray(reg.POWER_UP)
         registers[reg.PWR_MGMT_1], registers[reg.WHO_AM_I] = self.power_up, self.who_am_i
-        for address, trim in zip(self.accel_offsets, accel_trim, strict=True):
+        registers[reg.PRODUCT_ID] |= self.product_id
+        for axis, (address, trim) in enumerate(zip(self.accel_offsets, accel_trim, strict=True)):
+            if self.revision is not None:
+                trim = trim & ~1 | self.revision >> axis & 1
             struct.pack_into(">h", registers, address, trim)
         for address, code in zip(self.self_test, self_test_codes, strict=True):
             registers[address] = code
@@ -121,4 +132,15 @@ MPU9255 = _relative("MPU-9255", 0x73)
 MPU6515 = _relative("MPU-6515", 0x74)
 ICM20689 = _relative("ICM-20689", 0x98, power_up=reg.SLEEP, lsb_per_degc=326.8, zero_degc=25.0)
 
-PERSONALITIES = (MPU6050, MPU6000, MPU9150, MPU6500, MPU9250, MPU9255, MPU6515, ICM20689)
+# Early silicon with half the counts per g, told by its revision (Betaflight's and ArduPilot's drivers).
+MPU6050_EARLY = replace(MPU6050, name="MPU-6050-early", accel_gain=0.5, revision=1)
+# Clones that users report, of which nothing is printed: that they are like their classes, and how they come out of
+# their reset, is taken for granted here. Their FIFO is the smallest there is.
+CLONE_69 = replace(MPU6050, name="clone-0x69", who_am_i=0x69)
+CLONE_72 = replace(MPU6500, name="clone-0x72", who_am_i=0x72, fifo_bytes=(512,))
+CLONE_75 = replace(MPU6500, name="clone-0x75", who_am_i=0x75, fifo_bytes=(512,), power_up=reg.SLEEP)
+
+PERSONALITIES = (
+    *(MPU6050, MPU6000, MPU9150, MPU6500, MPU9250, MPU9255, MPU6515, ICM20689),
+    *(MPU6050_EARLY, CLONE_69, CLONE_72, CLONE_75),
+)

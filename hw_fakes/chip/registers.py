@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 ACCEL_OFFSETS = 0x06  # to 0x0B: X, Y, Z, high byte first; not in the RM, but in the silicon
+PRODUCT_ID = 0x0C
 SELF_TEST_X = 0x0D  # to 0x10 (RM registers 13 to 16)
 GYRO_OFFSETS = 0x13  # to 0x18: X, Y, Z, high byte first; not in the RM
 SMPLRT_DIV = 0x19

@@ -74,7 +74,7 @@ def decode(registers: bytes | bytearray, *, personality: Personality = MPU6050) 
         gyro_filter=NO_FILTER if cycle else _gyro_filter(registers, personality),
         accel_filter=NO_FILTER if cycle else _accel_filter(registers, personality),
         gyro_lsb_per_dps=GYRO_LSB_PER_DPS[gyro >> 3 & 3],
-        accel_lsb_per_g=ACCEL_LSB_PER_G[accel >> 3 & 3],
+        accel_lsb_per_g=ACCEL_LSB_PER_G[accel >> 3 & 3] * personality.accel_gain,
         self_test=(
             *(word for word in range(3) if accel & 0x80 >> word),
             *(4 + word for word in range(3) if gyro & 0x80 >> word),

@@ -6,7 +6,21 @@ import numpy as np
 import pytest
 
 from hw_fakes import PERFECT, Imperfections, Still
-from hw_fakes.chip.personalities import ICM20689, MPU6000, MPU6050, MPU6500, MPU6515, MPU9150, MPU9250, MPU9255
+from hw_fakes.chip.personalities import (
+    CLONE_69,
+    CLONE_72,
+    CLONE_75,
+    ICM20689,
+    MPU6000,
+    MPU6050,
+    MPU6050_EARLY,
+    MPU6500,
+    MPU6515,
+    MPU9150,
+    MPU9250,
+    MPU9255,
+    PERSONALITIES,
+)
 from quavelet.core.units import STANDARD_GRAVITY_M_S2
 
 # Chip, WHO_AM_I, PWR_MGMT_1 after reset, FIFO bytes as drivers run it, its size bits, LSB per degC, degC at 0.
@@ -14,6 +28,8 @@ OLD = {
     "6050": (MPU6050, 0x68, 0x40, 1024, None, 340.0, 36.53),
     "6000": (MPU6000, 0x68, 0x40, 1024, None, 340.0, 36.53),
     "9150": (MPU9150, 0x68, 0x40, 1024, None, 340.0, 36.53),
+    "6050 early": (MPU6050_EARLY, 0x68, 0x40, 1024, None, 340.0, 36.53),
+    "clone 69": (CLONE_69, 0x69, 0x40, 1024, None, 340.0, 36.53),
 }
 NEW = {
     "6500": (MPU6500, 0x70, 0x01, 512, 0x00, 333.87, 21.0),
@@ -22,7 +38,11 @@ NEW = {
     "6515": (MPU6515, 0x74, 0x01, 512, 0x00, 333.87, 21.0),
     "20689": (ICM20689, 0x98, 0x40, 4096, 0xC0, 326.8, 25.0),
 }
-ALL = {**OLD, **NEW}
+CLONES = {
+    "clone 72": (CLONE_72, 0x72, 0x01, 512, None, 333.87, 21.0),
+    "clone 75": (CLONE_75, 0x75, 0x40, 512, None, 333.87, 21.0),
+}
+ALL = {**OLD, **NEW, **CLONES}
 
 
 @pytest.fixture(params=ALL)
@@ -33,6 +53,22 @@ def fact(request):
 @pytest.fixture(params=NEW)
 def relative(request):
     return NEW[request.param][0]
+
+
+def test_every_personality_is_looked_at_here():
+    assert {fact[0] for fact in ALL.values()} == set(PERSONALITIES)
+
+
+@pytest.mark.parametrize(("bits", "lsb_per_g"), [(0x00, 8192), (0x08, 4096), (0x10, 2048), (0x18, 1024)])
+def test_early_silicon_gives_half_the_counts_and_says_so_in_its_trim(make_board, bits, lsb_per_g):
+    board = make_board(personality=MPU6050_EARLY)
+    board.wake()
+    board.wr(0x1C, bits)
+    board.wait_ms(5)
+    assert list(board.sensors()[:3]) == [0, 0, lsb_per_g]
+    trim = board.rd(0x06, 6)
+    assert [byte & 1 for byte in trim[1::2]] == [1, 0, 0]
+    assert [int.from_bytes(trim[k : k + 2], "big", signed=True) & ~1 for k in (0, 2, 4)] == [-2100, 800, 1200]
 
 
 def test_chip_says_who_it_is_and_wakes_as_its_data_sheet_says(make_board, fact):
