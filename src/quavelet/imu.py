@@ -47,6 +47,7 @@ class Imu:
             bus,
             address=settings.bus.address,
             config=settings.chip,
+            accept_id=settings.bus.accept_id,
             clock=clock,
             health=self.health,
             on_stream=on_stream,

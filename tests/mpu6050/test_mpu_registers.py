@@ -10,15 +10,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hw_fakes.chip import registers as theirs
+from hw_fakes.chip.personalities import MPU6050 as MPU6050_CHIP
+from hw_fakes.chip.personalities import MPU6500 as MPU6500_CHIP
 from quavelet.mpu6050 import registers as ours
 from quavelet.mpu6050.config import ChipConfig, configuration_table
 from quavelet.mpu6050.variants import MPU6050
 
 FIELDS = [value for value in vars(ours).values() if isinstance(value, ours.Field)]
 THEIR_NAMES = {
-    "ACCEL_OFFSETS": "ACCEL_OFFSETS",
+    "PRODUCT_ID": "PRODUCT_ID",
     "SELF_TEST": "SELF_TEST_X",
-    "GYRO_OFFSETS": "GYRO_OFFSETS",
     "SMPLRT_DIV": "SMPLRT_DIV",
     "CONFIG": "CONFIG",
     "GYRO_CONFIG": "GYRO_CONFIG",
@@ -38,8 +39,22 @@ THEIR_NAMES = {
     "WHO_AM_I": "WHO_AM_I",
 }
 # Data sheet numbers of those the fake has no name for.
-NUMBERS = {"I2C_MST_CTRL": 0x24, "TEMP_OUT": 0x41, "GYRO_OUT": 0x43, "EXT_SENS_DATA": 0x49}
+NUMBERS = {
+    "I2C_MST_CTRL": 0x24,
+    "TEMP_OUT": 0x41,
+    "GYRO_OUT": 0x43,
+    "EXT_SENS_DATA": 0x49,
+    "GYRO_SELF_TEST_6500": 0x00,
+    "ACCEL_SELF_TEST_6500": 0x0D,
+}
+WORDS = {
+    "ACCEL_OFFSETS": MPU6050_CHIP.accel_offsets,
+    "ACCEL_OFFSETS_6500": MPU6500_CHIP.accel_offsets,
+    "GYRO_OFFSETS": tuple(theirs.GYRO_OFFSETS + 2 * axis for axis in range(3)),
+}
 BITS = {
+    "FIFO_MODE": "FIFO_MODE",
+    "GYRO_STANDBY": "GYRO_STANDBY",
     "USER_FIFO_EN": "USER_FIFO_EN",
     "USER_I2C_MST_EN": "USER_I2C_MST_EN",
     "USER_FIFO_RESET": "USER_FIFO_RESET",
@@ -59,7 +74,9 @@ def test_every_address_is_that_of_an_independent_table():
         **{name: getattr(theirs, other) for name, other in THEIR_NAMES.items()},
         **NUMBERS,
     }
-    assert set(ours.REGISTERS) == set(mine.values())
+    words = {name: tuple(r.address for r in getattr(ours, name)) for name in WORDS}
+    assert words == WORDS
+    assert set(ours.REGISTERS) == {*mine.values(), *(r for name in WORDS for r in getattr(ours, name))}
 
 
 def test_every_bit_mask_is_that_of_an_independent_table():
@@ -69,13 +86,16 @@ def test_every_bit_mask_is_that_of_an_independent_table():
 def test_reset_values_are_what_a_chip_reads_after_power_up():
     bus = Rig().fake_bus
     for register in ours.REGISTERS:
-        if register.reset is not None:
+        if register.reset is not None and not register.class_6500:
             read = bus.write_read(ADDRESS, bytes([register.address]), register.length)
             assert read == bytes([register.reset]) * register.length, register.name
 
 
-def test_registers_lie_in_the_register_file_and_beside_one_another():
-    held = [address for r in ours.REGISTERS for address in range(r.address, r.address + r.length)]
+@pytest.mark.parametrize("class_6500", [False, True])
+def test_registers_lie_in_the_register_file_and_beside_one_another(class_6500):
+    only_6050 = {*ours.ACCEL_OFFSETS, ours.PRODUCT_ID, ours.SELF_TEST}
+    its_own = [r for r in ours.REGISTERS if (r not in only_6050 if class_6500 else not r.class_6500)]
+    held = [address for r in its_own for address in range(r.address, r.address + r.length)]
     assert len(set(held)) == len(held)
     assert 0 <= min(held) <= max(held) < theirs.COUNT
 
@@ -93,6 +113,12 @@ def test_field_lies_inside_its_register_and_takes_its_whole_range(field):
     for value in (-1, top + 1):
         with pytest.raises(ValueError, match=field.name):
             field.encode(value)
+
+
+@pytest.mark.parametrize("k", [-1, 2])
+def test_byte_outside_a_run_of_registers_is_refused(k):
+    with pytest.raises(ValueError, match="XA_OFFS"):
+        ours.ACCEL_OFFSETS[0].byte(k)
 
 
 def test_fields_of_one_register_do_not_share_bits():

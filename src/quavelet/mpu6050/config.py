@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import msgspec
 
 from quavelet.core.errors import SettingsError
 from quavelet.mpu6050 import registers as r
+from quavelet.mpu6050.offset_plan import OffsetPlan
+from quavelet.mpu6050.registers import RegisterBits as RegisterBits
 from quavelet.mpu6050.variants import Variant
 
 GYRO_LSB_PER_DPS: dict[int, float] = {250: 131.0, 500: 65.5, 1000: 32.8, 2000: 16.4}
@@ -77,43 +77,45 @@ class ChipConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
         return []
 
 
-@dataclass(frozen=True, slots=True)
-class RegisterBits:
-    """Bits to set and bits to clear in one register; bits in neither are left as they are."""
+def configuration_table(
+    config: ChipConfig, *, variant: Variant, offsets: OffsetPlan | None = None
+) -> tuple[RegisterBits, ...]:
+    """The rows to write to this kind of chip, in order, then to read back; the FIFO is off until it is started.
 
-    register: r.Register
-    set_bits: int
-    clear_bits: int
-
-    def applied_to(self, byte: int) -> int:
-        """What the register must hold if it held `byte`."""
-        return (byte & ~self.clear_bits & 0xFF) | self.set_bits
-
-    def holds(self, byte: int) -> bool:
-        """Whether `byte` has all bits as asked."""
-        return byte & (self.set_bits | self.clear_bits) == self.set_bits
-
-
-def configuration_table(config: ChipConfig, *, variant: Variant) -> tuple[RegisterBits, ...]:
-    """The rows to write to this kind of chip, in order, then to read back; the FIFO is off until it is started."""
+    Raises SettingsError where this kind of chip cannot be had as asked.
+    """
+    if variant.class_6500 and config.dlpf == 0:
+        raise SettingsError(
+            f"dlpf = 0 does not go with this chip, an {variant.name}: it would give 8000 samples a second whatever is "
+            f"asked for (RM9250 register 25); take dlpf = 1 to 6"
+        )
     gyro = r.GYRO_FS_SEL.encode(list(GYRO_LSB_PER_DPS).index(config.gyro_range_dps))
     accel = r.ACCEL_FS_SEL.encode(list(ACCEL_LSB_PER_G).index(config.accel_range_g))
     power = r.DEVICE_RESET.mask | r.SLEEP.mask | r.CYCLE.mask | r.TEMP_DIS.mask | r.CLKSEL.mask
+    filters = r.EXT_SYNC_SET.mask | r.DLPF_CFG.mask
+    gyro_bits = r.GYRO_SELF_TEST.mask | r.GYRO_FS_SEL.mask
     user = r.USER_DMP_EN.mask | r.USER_FIFO_EN.mask | r.USER_I2C_MST_EN.mask
-    accel_filter = (_row(r.ACCEL_CONFIG_2, r.ACCEL_DLPF_CFG.encode(config.dlpf), r.ACCEL_DLPF_CFG.mask),)
+    own: tuple[RegisterBits, ...] = ()
+    if variant.class_6500:
+        power |= r.GYRO_STANDBY.mask
+        filters |= r.FIFO_MODE.mask
+        gyro_bits |= r.GYRO_FCHOICE_B.mask
+        accel_filter = r.FIFO_SIZE.encode(variant.fifo_size) | r.ACCEL_DLPF_CFG.encode(config.dlpf)
+        own = (_row(r.ACCEL_CONFIG_2, accel_filter, r.FIFO_SIZE.mask | r.ACCEL_DLPF_CFG.mask),)
     return (
         _row(r.PWR_MGMT_1, r.CLKSEL.encode(r.CLOCK_PLL_GYRO_X), power),
         _row(r.PWR_MGMT_2, 0, r.STANDBY.mask),
-        _row(r.CONFIG, r.DLPF_CFG.encode(config.dlpf), r.EXT_SYNC_SET.mask | r.DLPF_CFG.mask),
-        _row(r.GYRO_CONFIG, gyro, r.GYRO_SELF_TEST.mask | r.GYRO_FS_SEL.mask),
+        _row(r.CONFIG, r.DLPF_CFG.encode(config.dlpf), filters),
+        _row(r.GYRO_CONFIG, gyro, gyro_bits),
         _row(r.ACCEL_CONFIG, accel, r.ACCEL_SELF_TEST.mask | r.ACCEL_FS_SEL.mask | r.ACCEL_HPF.mask),
-        *(accel_filter if variant.own_accel_filter else ()),
+        *own,
         _row(r.SMPLRT_DIV, config.divider, 0xFF),
         _row(r.USER_CTRL, 0, user),
         _row(r.FIFO_EN, 0, r.FIFO_SENSORS.mask | r.FIFO_SLAVES.mask),
         _row(r.INT_PIN_CFG, 0, r.INT_RD_CLEAR.mask),
         # Of the interrupts only the overflow is used; with others on, nothing would listen.
         _row(r.INT_ENABLE, r.FIFO_OFLOW_EN.mask, 0xFF),
+        *(offsets.rows(variant) if offsets else ()),
     )
 
 

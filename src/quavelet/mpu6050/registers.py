@@ -1,11 +1,12 @@
 """The MPU-6050's register map as data: RM-MPU-6000A-00 rev 4.2 (the register map), page by page.
 
-Registers that rev 4.2 does not document are on page 0 and say where they are known from.
+Registers that rev 4.2 does not document are on page 0 and say where they are known from; "RM9250" is
+RM-MPU-9250A-00 rev 1.6, of the MPU-6500's class.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 
 @dataclass(frozen=True, slots=True)
@@ -14,6 +15,7 @@ class Register:
 
     reset is the value after power-up; None where the factory writes trim that differs from chip to chip.
     access is "rw", "r" or "clear" (reading has an effect). known_from is empty where the page says all.
+    class_6500: only the MPU-6500's class has it, at an address where the MPU-6050 may have another.
     """
 
     address: int
@@ -23,6 +25,13 @@ class Register:
     access: str = "rw"
     length: int = 1
     known_from: str = ""
+    class_6500: bool = False
+
+    def byte(self, k: int) -> Register:
+        """Byte number `k` of the run, by itself."""
+        if not 0 <= k < self.length:
+            raise ValueError(f"{self.name} has no byte {k}: it has {self.length}")
+        return replace(self, address=self.address + k, name=f"{self.name}[{k}]", length=1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,16 +59,41 @@ class Field:
         return (byte & self.mask) >> self.low
 
 
-ACCEL_OFFSETS = Register(
-    0x06, "XA_OFFS_H", 0, None, length=6, known_from="InvenSense's motion driver and i2cdevlib: factory trim"
+@dataclass(frozen=True, slots=True)
+class RegisterBits:
+    """Bits to set and bits to clear in one register; bits in neither are left as they are."""
+
+    register: Register
+    set_bits: int
+    clear_bits: int
+
+    def applied_to(self, byte: int) -> int:
+        """What the register must hold if it held `byte`."""
+        return (byte & ~self.clear_bits & 0xFF) | self.set_bits
+
+    def holds(self, byte: int) -> bool:
+        """Whether `byte` has all bits as asked."""
+        return byte & (self.set_bits | self.clear_bits) == self.set_bits
+
+
+_OFFSETS_FROM = "InvenSense's motion driver and i2cdevlib"
+ACCEL_OFFSETS = (
+    Register(0x06, "XA_OFFS", 0, None, length=2, known_from=f"{_OFFSETS_FROM}: factory trim"),
+    Register(0x08, "YA_OFFS", 0, None, length=2, known_from=f"{_OFFSETS_FROM}: factory trim"),
+    Register(0x0A, "ZA_OFFS", 0, None, length=2, known_from=f"{_OFFSETS_FROM}: factory trim"),
 )
+PRODUCT_ID = Register(0x0C, "PRODUCT_ID", 0, None, known_from="Betaflight: the low nibble is the revision")
 SELF_TEST = Register(0x0D, "SELF_TEST_X", 9, None, length=4)
-GYRO_OFFSETS = Register(0x13, "XG_OFFS_USRH", 0, length=6, known_from="InvenSense's motion driver and i2cdevlib")
+GYRO_OFFSETS = (
+    Register(0x13, "XG_OFFS_USR", 0, length=2, known_from=_OFFSETS_FROM),
+    Register(0x15, "YG_OFFS_USR", 0, length=2, known_from=_OFFSETS_FROM),
+    Register(0x17, "ZG_OFFS_USR", 0, length=2, known_from=_OFFSETS_FROM),
+)
 SMPLRT_DIV = Register(0x19, "SMPLRT_DIV", 11)
 CONFIG = Register(0x1A, "CONFIG", 13)
 GYRO_CONFIG = Register(0x1B, "GYRO_CONFIG", 14)
 ACCEL_CONFIG = Register(0x1C, "ACCEL_CONFIG", 15)
-ACCEL_CONFIG_2 = Register(0x1D, "ACCEL_CONFIG_2", 0, known_from="RM-MPU-9250A-00 register 29, the 6500 class only")
+ACCEL_CONFIG_2 = Register(0x1D, "ACCEL_CONFIG_2", 0, known_from="RM9250 register 29", class_6500=True)
 FIFO_EN = Register(0x23, "FIFO_EN", 16)
 I2C_MST_CTRL = Register(0x24, "I2C_MST_CTRL", 17)
 INT_PIN_CFG = Register(0x37, "INT_PIN_CFG", 26)
@@ -76,11 +110,23 @@ PWR_MGMT_2 = Register(0x6C, "PWR_MGMT_2", 42)
 FIFO_COUNT = Register(0x72, "FIFO_COUNTH", 43, access="r", length=2)
 FIFO_R_W = Register(0x74, "FIFO_R_W", 44, None, access="clear")
 WHO_AM_I = Register(0x75, "WHO_AM_I", 45, 0x68, access="r")
+GYRO_SELF_TEST_6500 = Register(
+    0x00, "SELF_TEST_X_GYRO", 0, None, length=3, known_from="RM9250 registers 0 to 2", class_6500=True
+)
+ACCEL_SELF_TEST_6500 = Register(
+    0x0D, "SELF_TEST_X_ACCEL", 0, None, length=3, known_from="RM9250 registers 13 to 15", class_6500=True
+)
+ACCEL_OFFSETS_6500 = (
+    Register(0x77, "XA_OFFSET", 0, None, length=2, known_from="RM9250 register 119: factory trim", class_6500=True),
+    Register(0x7A, "YA_OFFSET", 0, None, length=2, known_from="RM9250 register 122: factory trim", class_6500=True),
+    Register(0x7D, "ZA_OFFSET", 0, None, length=2, known_from="RM9250 register 125: factory trim", class_6500=True),
+)
 
 REGISTERS: tuple[Register, ...] = (
-    ACCEL_OFFSETS,
+    *ACCEL_OFFSETS,
+    PRODUCT_ID,
     SELF_TEST,
-    GYRO_OFFSETS,
+    *GYRO_OFFSETS,
     SMPLRT_DIV,
     CONFIG,
     GYRO_CONFIG,
@@ -102,15 +148,24 @@ REGISTERS: tuple[Register, ...] = (
     FIFO_COUNT,
     FIFO_R_W,
     WHO_AM_I,
+    GYRO_SELF_TEST_6500,
+    ACCEL_SELF_TEST_6500,
+    *ACCEL_OFFSETS_6500,
 )
 
 EXT_SYNC_SET = Field(CONFIG, "EXT_SYNC_SET", 5, 3)
 DLPF_CFG = Field(CONFIG, "DLPF_CFG", 2, 0)
+FIFO_MODE = Field(CONFIG, "FIFO_MODE", 6, 6)
+"""Of the 6500 class: a full FIFO refuses bytes (RM9250 register 26)."""
 GYRO_SELF_TEST = Field(GYRO_CONFIG, "XYZG_ST", 7, 5)
 GYRO_FS_SEL = Field(GYRO_CONFIG, "FS_SEL", 4, 3)
+GYRO_FCHOICE_B = Field(GYRO_CONFIG, "FCHOICE_B", 1, 0)
+"""Of the 6500 class: other than 0, the gyroscope's filter is gone round (RM9250 register 27)."""
 ACCEL_SELF_TEST = Field(ACCEL_CONFIG, "XYZA_ST", 7, 5)
 ACCEL_FS_SEL = Field(ACCEL_CONFIG, "AFS_SEL", 4, 3)
 ACCEL_HPF = Field(ACCEL_CONFIG, "ACCEL_HPF", 2, 0)
+FIFO_SIZE = Field(ACCEL_CONFIG_2, "FIFO_SIZE", 7, 6)
+"""512 bytes, 1, 2 or 4 KiB; reserved in RM9250, known from InvenSense's motion driver and Linux's inv_mpu6050."""
 ACCEL_DLPF_CFG = Field(ACCEL_CONFIG_2, "ACCEL_FCHOICE_B_and_A_DLPF_CFG", 3, 0)
 FIFO_SENSORS = Field(FIFO_EN, "TEMP_XG_YG_ZG_ACCEL", 7, 3)
 FIFO_SLAVES = Field(FIFO_EN, "SLV2_SLV1_SLV0", 2, 0)
@@ -124,6 +179,8 @@ USER_FIFO_RESET = Field(USER_CTRL, "FIFO_RESET", 2, 2)
 DEVICE_RESET = Field(PWR_MGMT_1, "DEVICE_RESET", 7, 7)
 SLEEP = Field(PWR_MGMT_1, "SLEEP", 6, 6)
 CYCLE = Field(PWR_MGMT_1, "CYCLE", 5, 5)
+GYRO_STANDBY = Field(PWR_MGMT_1, "GYRO_STANDBY", 4, 4)
+"""Of the 6500 class (RM9250 register 107)."""
 TEMP_DIS = Field(PWR_MGMT_1, "TEMP_DIS", 3, 3)
 CLKSEL = Field(PWR_MGMT_1, "CLKSEL", 2, 0)
 STANDBY = Field(PWR_MGMT_2, "LP_WAKE_CTRL_and_STBY", 7, 0)

@@ -16,6 +16,7 @@ from quavelet.mpu6050.access import RegisterAccess
 from quavelet.mpu6050.config import ChipConfig
 from quavelet.mpu6050.decoder import Decoder, empty_raw_block
 from quavelet.mpu6050.drain import Drain, Loss, Verdict
+from quavelet.mpu6050.offset_plan import OffsetPlan
 from quavelet.mpu6050.registers import FIFO_OFLOW_INT, FRAME_BYTES, INT_STATUS
 from quavelet.mpu6050.startup import StartUp, Step
 from quavelet.mpu6050.stream import StreamInfo, scale_for
@@ -55,6 +56,8 @@ class ChipSource:
         clock: Clock,
         health: Health,
         lost_s: float = LOST_S,
+        accept_id: int = 0,
+        offsets: OffsetPlan | None = None,
         on_stream: Callable[[StreamInfo], None] | None = None,
         on_drain: Callable[[Drain], None] | None = None,
     ) -> None:
@@ -64,7 +67,7 @@ class ChipSource:
         self._lost_ns = round(lost_s * NS_PER_S)
         self._on_stream = on_stream
         self._on_drain = on_drain
-        self._start_up = StartUp(self._chip, config, clock=clock, health=health)
+        self._start_up = StartUp(self._chip, config, clock=clock, health=health, accept_id=accept_id, offsets=offsets)
         self._watch: RegisterWatch | None = None
         self.decoder: Decoder | None = None
         self._seq = 0
@@ -130,6 +133,7 @@ class ChipSource:
         if self.decoder is None or self.decoder.info != info:
             self.decoder = Decoder(info, health=self._health)
             self._good_ns = now_ns
+            self._nothing = empty_raw_block(info.scale)
             if self._on_stream:
                 self._on_stream(info)
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
+from dataclasses import replace
 from enum import Enum
 
 from quavelet.core.clock import Clock
@@ -19,8 +20,11 @@ from quavelet.core.units import NS_PER_MS, NS_PER_S
 from quavelet.mpu6050 import registers as r
 from quavelet.mpu6050.access import RegisterAccess
 from quavelet.mpu6050.config import ChipConfig, configuration_table
+from quavelet.mpu6050.half_scale import is_half_scale
+from quavelet.mpu6050.offset_plan import OffsetPlan
+from quavelet.mpu6050.offsets import check_factory
 from quavelet.mpu6050.stream import StreamInfo
-from quavelet.mpu6050.variants import LINE_STUCK, MPU6050, Variant, identify
+from quavelet.mpu6050.variants import LINE_STUCK, MPU6050, VARIANTS, Variant, identify
 
 RESET_WAIT_NS = 100 * NS_PER_MS
 """RM p. 41: 100 ms after DEVICE_RESET."""
@@ -63,7 +67,17 @@ class StartUp:
     reason    what the last step found wrong
     """
 
-    def __init__(self, chip: RegisterAccess, config: ChipConfig, *, clock: Clock, health: Health) -> None:
+    def __init__(
+        self,
+        chip: RegisterAccess,
+        config: ChipConfig,
+        *,
+        clock: Clock,
+        health: Health,
+        accept_id: int = 0,
+        offsets: OffsetPlan | None = None,
+    ) -> None:
+        """accept_id is that of `identify`; offsets are written after every reset."""
         self.step = Step.PROBE
         self.due_ns = clock.now_ns()
         self.variant: Variant = MPU6050
@@ -72,6 +86,8 @@ class StartUp:
         self.reason: BusError | str = ""
         self._chip = chip
         self._config = config
+        self._accept_id = accept_id
+        self._offsets = offsets
         self._clock = clock
         self._health = health
         self._steps: dict[Step, Callable[[], None]] = {
@@ -133,8 +149,12 @@ class StartUp:
         # Reading comes before any write: a clock chip at this address must not be written to.
         who_am_i = self._chip.read(r.WHO_AM_I)
         if self.info is None:
-            self.variant = identify(who_am_i, bus=self._chip.bus.name, address=self._chip.address)
-            self.table = configuration_table(self._config, variant=self.variant)
+            self.variant = identify(
+                who_am_i, bus=self._chip.bus.name, address=self._chip.address, accept_id=self._accept_id
+            )
+            self.table = configuration_table(self._config, variant=self.variant, offsets=self._offsets)
+            if self.variant.remark:
+                log.warning("%s", self.variant.remark)
         elif who_am_i in LINE_STUCK:
             self._again(POLL_NS, f"WHO_AM_I reads 0x{who_am_i:02x}")
             return
@@ -168,8 +188,7 @@ class StartUp:
             self._again(POLL_NS, f"WHO_AM_I reads 0x{who_am_i:02x} after reset")
             return
         power = self._chip.read(r.PWR_MGMT_1)
-        # SLEEP may come up either way, by the chip's one-time-programmed settings.
-        if (power ^ self.variant.pwr_mgmt_1_reset) & ~r.SLEEP.mask & 0xFF:
+        if (power ^ self.variant.pwr_mgmt_1_reset) & self.variant.pwr_mgmt_1_sure:
             self._again(POLL_NS, f"PWR_MGMT_1 reads 0x{power:02x} after reset")
             return
         self._go(Step.WAKE, 0)
@@ -177,6 +196,8 @@ class StartUp:
     def _wake(self) -> None:
         # Writes to other registers are ignored while the chip sleeps: wake first, on the PLL's clock.
         self._chip.write(r.PWR_MGMT_1, r.CLKSEL.encode(r.CLOCK_PLL_GYRO_X))
+        if self._offsets is not None:
+            check_factory(self._chip, self._offsets, variant=self.variant)
         self._go(Step.CONFIGURE, PLL_WAIT_NS)
 
     def _configure(self) -> None:
@@ -198,7 +219,11 @@ class StartUp:
         # Much may happen while the gyroscope settles, and the scale of all samples hangs on these registers.
         if not self._holds():
             return
-        info = self._chip.stream_info()
+        info = replace(
+            self._chip.stream_info(),
+            accepted=self.variant.who_am_i not in VARIANTS,
+            accel_half_scale=is_half_scale(self._chip, variant=self.variant),
+        )
         self._chip.restart_fifo()
         self.info = info
         self._tries = 0

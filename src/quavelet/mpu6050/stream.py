@@ -18,6 +18,8 @@ class StreamInfo:
     src        the bus's name
     address    the chip's 7-bit address
     who_am_i, config, gyro_config, accel_config, smplrt_div   register bytes
+    accepted           who_am_i is unknown, and is driven all the same because its owner asked for it
+    accel_half_scale   early silicon, which gives half the counts per g
     """
 
     src: str
@@ -27,10 +29,20 @@ class StreamInfo:
     gyro_config: int
     accel_config: int
     smplrt_div: int
+    accepted: bool = False
+    accel_half_scale: bool = False
 
     @property
     def variant(self) -> Variant:
-        return identify(self.who_am_i, bus=self.src, address=self.address)
+        """Raises WrongChip where this version does not know the chip."""
+        accept_id = self.who_am_i if self.accepted else 0
+        return identify(self.who_am_i, bus=self.src, address=self.address, accept_id=accept_id)
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What the owner of this chip should hear of it; empty for an MPU-6050 like most."""
+        half = "it is early silicon, which gives half the counts per g: that is reckoned with"
+        return tuple(text for text in (self.variant.remark, half if self.accel_half_scale else "") if text)
 
     @property
     def gyro_range_dps(self) -> int:
@@ -47,14 +59,17 @@ class StreamInfo:
 
     @property
     def scale(self) -> Scale:
-        return scale_for(self.gyro_range_dps, self.accel_range_g, variant=self.variant)
+        return scale_for(
+            self.gyro_range_dps, self.accel_range_g, variant=self.variant, accel_half_scale=self.accel_half_scale
+        )
 
 
-def scale_for(gyro_range_dps: int, accel_range_g: int, *, variant: Variant) -> Scale:
+def scale_for(gyro_range_dps: int, accel_range_g: int, *, variant: Variant, accel_half_scale: bool = False) -> Scale:
     """What a count means at these ranges."""
+    counts_per_g = ACCEL_LSB_PER_G[accel_range_g] * (0.5 if accel_half_scale else 1.0)
     return Scale(
         gyro_rad_s_per_lsb=RAD_PER_DEG / GYRO_LSB_PER_DPS[gyro_range_dps],
-        accel_m_s2_per_lsb=STANDARD_GRAVITY_M_S2 / ACCEL_LSB_PER_G[accel_range_g],
+        accel_m_s2_per_lsb=STANDARD_GRAVITY_M_S2 / counts_per_g,
         temp_degc_per_lsb=variant.temp_degc_per_lsb,
         temp_degc_at_zero=variant.temp_degc_at_zero,
     )

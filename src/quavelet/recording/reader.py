@@ -13,7 +13,6 @@ import msgspec
 from quavelet.core.errors import RecordingError, WrongChip
 from quavelet.mpu6050.drain import Drain
 from quavelet.mpu6050.stream import StreamInfo
-from quavelet.mpu6050.variants import identify
 from quavelet.recording.format import MAGIC, MAGIC_WORD, VERSION, Header, Kind, unpack_drain, unpack_header
 from quavelet.recording.scan import Scanner
 
@@ -132,7 +131,7 @@ class RecordingReader:
     def _header_of(self, payload: bytes) -> Header:
         try:
             header = unpack_header(payload)
-            identify(header.stream.who_am_i, bus=header.stream.src, address=header.stream.address)
+            _ = header.stream.variant
         except msgspec.DecodeError as error:
             raise RecordingError(
                 f"{self.path} has a header this version does not understand ({error}): update quavelet"

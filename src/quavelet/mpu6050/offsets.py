@@ -1,0 +1,186 @@
+"""The offset registers of the chip: measured with the board at rest, written, and seen to work.
+
+Always reckoned from the factory's own words, which the chip holds after a reset: from what was written last, repeated
+calibration would walk away. The direction is found by trying, since the data sheets contradict one another on it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from quavelet.core.blocks import FloatArray
+from quavelet.core.clock import Clock
+from quavelet.core.errors import CalibrationError, ChipUnstable
+from quavelet.core.units import NS_PER_MS
+from quavelet.mpu6050 import registers as r
+from quavelet.mpu6050.access import RegisterAccess
+from quavelet.mpu6050.config import ACCEL_LSB_PER_G as COUNTS_PER_G
+from quavelet.mpu6050.config import GYRO_LSB_PER_DPS as COUNTS_PER_DPS
+from quavelet.mpu6050.half_scale import is_half_scale
+from quavelet.mpu6050.measuring import average, measuring_config, read_steadily, set_up, sleep_ms, write_rows
+from quavelet.mpu6050.offset_plan import ACCEL_LSB_PER_G, GYRO_LSB_PER_DPS, OffsetPlan, Words
+from quavelet.mpu6050.variants import Variant
+
+SAMPLES = 1000
+"""A second: the noise of PS 6.1 and 6.2 leaves 0.004 deg/s and 0.3 mg of a mean."""
+FILTER_WAIT_MS = 100
+"""From an offset written to the first sample that counts; the narrowest filter is not used."""
+TRY_WORDS = 64
+"""Written to find the direction: 31 mg and 2 deg/s, far above noise and far below what would clip."""
+MOVED_DPS = 1.0
+MOVED_G = 0.03
+RESET_MS = 100
+_LSB = np.array([ACCEL_LSB_PER_G] * 3 + [GYRO_LSB_PER_DPS] * 3)
+_LIMIT = np.array([MOVED_G] * 3 + [MOVED_DPS] * 3) * _LSB
+_AXES = ("accel x", "accel y", "accel z", "gyro x", "gyro y", "gyro z")
+
+
+@dataclass(frozen=True, slots=True)
+class OffsetsWritten:
+    """What came of it.
+
+    plan             to be given to whoever starts the chip: every reset loses what was written
+    accel_before_g   what the axes showed too much, x y z; nan where lies_g was None
+    accel_after_g    and show still
+    gyro_before_dps, gyro_after_dps   likewise
+    """
+
+    plan: OffsetPlan
+    accel_before_g: tuple[float, ...]
+    accel_after_g: tuple[float, ...]
+    gyro_before_dps: tuple[float, ...]
+    gyro_after_dps: tuple[float, ...]
+
+
+def write_offsets(
+    chip: RegisterAccess, *, variant: Variant, clock: Clock, lies_g: tuple[float, float, float] | None
+) -> OffsetsWritten:
+    """Measure the board at rest, and write offsets that bring what it shows to what it should show.
+
+    lies_g is what the accelerometer should show as the board lies, (0, 0, 1) flat with z up: an error of 1 degree there
+    becomes an offset of 17 mg. None: only the gyroscope's offsets are written. Takes about 4 s.
+
+    The chip is reset first, and left awake with ranges and filters of this measurement: it must be started anew, with
+    the plan. Raises CalibrationError where the board moves, an offset has no effect or the residual grows, after which
+    the factory's words are in the registers again; BusError; ChipUnstable.
+    """
+    _reset(chip, variant, clock)
+    factory = read_words(chip, variant=variant)
+    set_up(chip, measuring_config(2, dlpf=2), variant=variant, clock=clock)
+    half = is_half_scale(chip, variant=variant)
+    bench = _Bench(chip, variant, clock, _words_per_count(half=half), np.array([*(lies_g or (0, 0, 0)), 0, 0, 0]))
+    try:
+        plan, before, after = _found(bench, factory, accel=lies_g is not None)
+    except CalibrationError:
+        write_rows(chip, list(factory.rows(variant)))
+        raise
+    if lies_g is None:
+        before[:3] = after[:3] = np.nan
+    accel_before, gyro_before = (before / _LSB).reshape(2, 3).tolist()
+    accel_after, gyro_after = (after / _LSB).reshape(2, 3).tolist()
+    return OffsetsWritten(plan, tuple(accel_before), tuple(accel_after), tuple(gyro_before), tuple(gyro_after))
+
+
+def check_factory(chip: RegisterAccess, plan: OffsetPlan, *, variant: Variant) -> None:
+    """Raise CalibrationError where a chip fresh from its reset is not the one whose offsets these are; BusError."""
+    found = read_words(chip, variant=variant)
+    if (found.accel_factory, found.gyro_factory) != (plan.accel_factory, plan.gyro_factory):
+        raise CalibrationError(
+            f"the chip at 0x{chip.address:02x} holds the factory's offsets {found.accel_factory}, those to be written "
+            f"were measured on one that holds {plan.accel_factory}: measure them anew, or leave them out"
+        )
+
+
+def read_words(chip: RegisterAccess, *, variant: Variant) -> OffsetPlan:
+    """What the offset registers hold, as a plan that changes nothing. Raises BusError."""
+    accel, gyro = (
+        tuple(int.from_bytes(read_steadily(chip, register, 2), "big", signed=True) for register in registers)
+        for registers in (variant.accel_offsets, r.GYRO_OFFSETS)
+    )
+    accel_words: Words = (accel[0], accel[1], accel[2])
+    gyro_words: Words = (gyro[0], gyro[1], gyro[2])
+    return OffsetPlan(variant.who_am_i, accel_words, gyro_words, accel_words, gyro_words)
+
+
+@dataclass(frozen=True, slots=True)
+class _Bench:
+    """The board at rest. Residuals are in the unit of the offset registers, all six axes."""
+
+    chip: RegisterAccess
+    variant: Variant
+    clock: Clock
+    words_per_count: FloatArray
+    should_show: FloatArray
+
+    def residual(self, plan: OffsetPlan) -> FloatArray:
+        """What the axes show too much with these offsets. Raises CalibrationError where the board moves."""
+        write_rows(self.chip, list(plan.rows(self.variant)))
+        sleep_ms(self.clock, FILTER_WAIT_MS)
+        got = average(self.chip, variant=self.variant, clock=self.clock, samples=SAMPLES)
+        if (got.sd * self.words_per_count > _LIMIT).any():
+            raise CalibrationError("the board moves: lay it down, let go, and measure the offsets again")
+        if any(got.at_end):
+            raise CalibrationError("an axis is at the end of its range: lay the board flat, and measure again")
+        residual: FloatArray = got.mean * self.words_per_count - self.should_show * _LSB
+        return residual
+
+
+def _found(bench: _Bench, factory: OffsetPlan, *, accel: bool) -> tuple[OffsetPlan, FloatArray, FloatArray]:
+    """The plan, and the residual before and after it."""
+    used = np.array([accel] * 3 + [True] * 3)
+    before = bench.residual(factory)
+    tried = bench.residual(_moved(factory, TRY_WORDS * used))
+    effect = (tried - before) / TRY_WORDS
+    dead = used & ~((np.abs(effect) > 0.5) & (np.abs(effect) < 1.5))
+    if dead.any():
+        axis = int(np.flatnonzero(dead)[0])
+        raise CalibrationError(
+            f"an offset written to {_AXES[axis]} moves it by {effect[axis]:.2f} of what was written: the board moved, "
+            f"or this chip has its offsets elsewhere; leave them out and calibrate in software"
+        )
+    plan = _moved(factory, -np.sign(effect) * before * used)
+    after = bench.residual(plan)
+    # A step is two words for the accelerometer, one for the gyroscope, of which the nearest is half of that off; and
+    # the board itself may not have lain quite the same.
+    grown = used & (np.abs(after) > np.maximum(np.abs(before), _LIMIT / 4))
+    if grown.any():
+        axis = int(np.flatnonzero(grown)[0])
+        raise CalibrationError(
+            f"{_AXES[axis]} is further off with its offset than without, {after[axis] / _LSB[axis]:.3f} and "
+            f"{before[axis] / _LSB[axis]:.3f}: the board moved, lay it down and measure again"
+        )
+    return plan, before, after
+
+
+def _moved(factory: OffsetPlan, by: FloatArray) -> OffsetPlan:
+    """The factory's words moved by so many; the accelerometer's in twos, which leaves bit 0 alone."""
+    accel = tuple(word + 2 * round(x / 2) for word, x in zip(factory.accel_factory, by[:3].tolist(), strict=True))
+    gyro = tuple(word + round(x) for word, x in zip(factory.gyro_factory, by[3:].tolist(), strict=True))
+    return OffsetPlan(
+        factory.who_am_i,
+        factory.accel_factory,
+        factory.gyro_factory,
+        (accel[0], accel[1], accel[2]),
+        (gyro[0], gyro[1], gyro[2]),
+    )
+
+
+def _words_per_count(*, half: bool) -> FloatArray:
+    accel = ACCEL_LSB_PER_G / (COUNTS_PER_G[2] * (0.5 if half else 1.0))
+    return np.array([accel] * 3 + [GYRO_LSB_PER_DPS / COUNTS_PER_DPS[250]] * 3)
+
+
+def _reset(chip: RegisterAccess, variant: Variant, clock: Clock) -> None:
+    chip.write(r.PWR_MGMT_1, r.DEVICE_RESET.mask)
+    begin_ns = clock.now_ns()
+    while clock.now_ns() - begin_ns < 1000 * NS_PER_MS:
+        sleep_ms(clock, RESET_MS)
+        power = chip.read(r.PWR_MGMT_1)
+        if not (power ^ variant.pwr_mgmt_1_reset) & variant.pwr_mgmt_1_sure:
+            return
+    raise ChipUnstable(
+        f"the chip at 0x{chip.address:02x} does not come out of its reset: check its supply voltage, then power it off "
+        f"and on"
+    )
