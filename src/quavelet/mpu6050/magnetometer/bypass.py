@@ -39,7 +39,7 @@ class BypassReader:
         self._begun_ns = 0
 
     def set_up(self) -> None:
-        """Open the bypass, switch the chip's master off, and let the magnetometer measure; takes up to 10 ms.
+        """Open the bypass, switch the chip's master off, and let the magnetometer measure; takes up to 20 ms.
 
         Raises SettingsError where it cannot measure as asked, and ChipUnstable where it does not give its factory's
         adjustment.

@@ -64,10 +64,12 @@ def plan(config: MagnetometerConfig, _adjustment: tuple[int, int, int] | None = 
         NAME,
         ADDRESS,
         config.rate_hz,
-        # The first measurement after a change still has the gain before (DS 13): it is made, and left unread.
+        # The first measurement after a change still has the gain before (DS 13): it is made and replaced, since the
+        # chip's master would fetch it.
         (
             Write(CONFIG_A, _NOT_AVERAGED),
             Write(CONFIG_B, gain_byte),
+            Write(MODE, _SINGLE, _MEASURING_NS),
             Write(MODE, _SINGLE, _MEASURING_NS),
         ),
         (Run(STATUS, 1), Run(CONFIG_A, 9)),

@@ -64,7 +64,7 @@ class MasterReader:
         return self._plan
 
     def set_up(self) -> None:
-        """Set the magnetometer up by the bypass, close that, and let the master fetch its data; up to 10 ms.
+        """Set the magnetometer up by the bypass, close that, and let the master fetch its data; up to 20 ms.
 
         The chip must be awake and configured: how many samples apart the fetching is follows from its sample rate.
         Frames in a FIFO change their length where its slave bits are set: start it afterwards. Raises SettingsError
