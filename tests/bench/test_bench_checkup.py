@@ -10,7 +10,18 @@ from typing import Any
 import pytest
 from boards import QUIET, Checked, Clock3231, Registers, checked, good_chip
 
-from hw_fakes import ICM20689, MPU6000, NOISE_ONLY, TYPICAL, FakeBus, FakeMpu6050, Sway, Turntable
+from hw_fakes import (
+    MPU6000,
+    MPU6500,
+    NOISE_ONLY,
+    PERSONALITIES,
+    TYPICAL,
+    FakeBus,
+    FakeMpu6050,
+    Personality,
+    Sway,
+    Turntable,
+)
 from quavelet.bench.host import Host
 from quavelet.bus.faults import bus_error
 from quavelet.core.clock import Clock
@@ -21,7 +32,7 @@ from quavelet.settings import BusSettings, Settings
 POINTS = [
     *("bus", "who answers", "WHO_AM_I", "wire speed", "registers", "chip", "sample rate", "no sample lost"),
     *("board still", "axes alive", "gyroscope noise", "accelerometer noise", "gyroscope bias", "gravity"),
-    *("temperature", "FIFO"),
+    *("temperature", "self-test", "FIFO"),
 ]
 
 
@@ -327,7 +338,29 @@ def test_a_bus_that_is_not_there_is_told_with_those_that_are(
     assert ("linux:1 (bcm2835)" in done["bus"].found) == bool(there)
 
 
-def test_a_family_member_is_driven_or_refused_but_never_judged_as_another() -> None:
-    done = checked(chip(personality=ICM20689))
-    well_formed(done)
-    assert isinstance(done.error, WrongChip) or "gravity" in done.names
+@pytest.mark.parametrize("personality", PERSONALITIES, ids=lambda personality: personality.name)
+def test_every_chip_of_the_family_passes_and_its_owner_hears_which_it_is(personality: Personality) -> None:
+    done = checked(chip(personality=personality))
+    assert done.bad == []
+    assert f"0x{personality.who_am_i:02x}" in done["WHO_AM_I"].found
+    assert bool(done["chip"].advice) == (personality.name not in ("MPU-6050", "MPU-6000", "MPU-9150"))
+
+
+def test_a_chip_that_is_unknown_passes_where_its_owner_asks_for_it() -> None:
+    unknown = chip(personality=replace(MPU6500, who_am_i=0x7D))
+    refused = checked(unknown)
+    assert refused.bad == ["WHO_AM_I"]
+    assert "accept_id" in refused["WHO_AM_I"].advice
+    accepted = checked(unknown, settings=Settings(bus=BusSettings(accept_id=0x7D)))
+    assert accepted["WHO_AM_I"].ok
+    assert "gravity" in accepted.names
+
+
+def test_an_axis_that_fails_its_self_test_is_named() -> None:
+    done = checked(chip(self_test_codes=(0, 0, 0, 0)))
+    assert done.bad == ["self-test"]
+    assert done["self-test"].advice.startswith("accel x does not respond at all")
+
+
+def test_a_board_that_moves_is_not_put_to_its_self_test() -> None:
+    assert "self-test" not in checked(chip(motion=Sway())).names

@@ -49,6 +49,13 @@ def test_a_board_unplugged_meanwhile_is_lost(with_odd_buses: dict[str, str]) -> 
     assert any(line.startswith("BAD  stopped") for line in done.lines)
 
 
+def test_an_unknown_chip_is_driven_where_its_id_is_accepted(with_odd_buses: dict[str, str]) -> None:
+    refused = quavelet("doctor", "--bus", "odd:another_chip", env=with_odd_buses)
+    assert (refused.code, refused.lines[2][:14]) == (exits.NO_DEVICE, "BAD  WHO_AM_I ")
+    accepted = quavelet("doctor", "--bus", "odd:another_chip", "--accept-id", "0x19", env=with_odd_buses)
+    assert accepted.lines[2].startswith("ok   WHO_AM_I            0x19, ")
+
+
 def test_every_bad_finding_has_advice_and_no_good_one_has() -> None:
     done = quavelet("doctor", "--bus", "fake:sway", "--virtual-time", "--json")
     findings = [json.loads(line) for line in done.lines]

@@ -27,6 +27,8 @@ FAKE = ("--bus", "fake:still", "--virtual-time", "--duration", "1")
         ((*FAKE, "--record", "/dev/full"), exits.FAILED, "/dev/full exists"),
         ((*FAKE, "--record", "/proc/no/such.qrec"), exits.FAILED, "make its folder first"),
         ((*FAKE, "--record", "."), exits.FAILED, ""),
+        ((*FAKE, "--accept-id", "0xff"), exits.SETTINGS, "command line: bus: accept_id = 255 is no WHO_AM_I"),
+        ((*FAKE, "--accept-id", "mine"), exits.USAGE, "'mine' is not a WHO_AM_I: write it as 0x7d"),
         (("--bus", "linux:1", "--virtual-time"), exits.SETTINGS, "--virtual-time needs a fake bus"),
         (("--duration", "0"), exits.USAGE, "--duration"),
         (("--duration", "nan"), exits.USAGE, "--duration"),

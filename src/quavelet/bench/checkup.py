@@ -9,7 +9,7 @@ import numpy as np
 from quavelet.bench import fifo, wires
 from quavelet.bench.finding import Finding
 from quavelet.bench.host import Host, linux_number, others
-from quavelet.bench.sensors import sensors
+from quavelet.bench.sensors import ALIVE, STILL, sensors
 from quavelet.bus.open import BusOpener, open_bus
 from quavelet.bus.protocol import I2CBus
 from quavelet.calibration.calibrate import Calibrate
@@ -20,6 +20,8 @@ from quavelet.core.errors import BusBusy, BusError, BusPermission, DeviceLost, D
 from quavelet.core.health import Health
 from quavelet.core.units import NS_PER_S
 from quavelet.mpu6050 import registers as r
+from quavelet.mpu6050.access import RegisterAccess
+from quavelet.mpu6050.self_test import run_self_test
 from quavelet.mpu6050.source import ChipSource
 from quavelet.mpu6050.stream import StreamInfo
 from quavelet.mpu6050.variants import Variant, identify
@@ -165,7 +167,7 @@ class CheckUp:
 
     def _identify(self, bus: I2CBus) -> Variant:
         who_am_i = bus.write_read(self._address, bytes([r.WHO_AM_I.address]), 1)[0]
-        return identify(who_am_i, bus=bus.name, address=self._address)
+        return identify(who_am_i, bus=bus.name, address=self._address, accept_id=self._settings.bus.accept_id)
 
     def _wrong_chip(self, bus: I2CBus, error: WrongChip | BusError) -> Finding:
         found = f"0x{error.found:02x}, which is no MPU-6050's" if isinstance(error, WrongChip) else "cannot be read"
@@ -182,7 +184,13 @@ class CheckUp:
     def _running(self, bus: I2CBus) -> Iterator[Finding]:
         config = self._settings.chip
         source = ChipSource(
-            bus, address=self._address, config=config, clock=self._clock, health=self._health, lost_s=LOST_S
+            bus,
+            address=self._address,
+            config=config,
+            accept_id=self._settings.bus.accept_id,
+            clock=self._clock,
+            health=self._health,
+            lost_s=LOST_S,
         )
         info = source.wait_until_streaming()
         yield self._started(info)
@@ -200,8 +208,12 @@ class CheckUp:
         yield _rate(measured_hz, 1.0 / info.nominal_period_s)
         yield _losses(self._health)
         settled = block[int(np.searchsorted(block.t_ns, block.t_ns[0] + SETTLED_S * NS_PER_S)) :]
-        if len(settled):
-            yield from sensors(Calibrate(UNCALIBRATED).process(settled), config)
+        well = True
+        for finding in sensors(Calibrate(UNCALIBRATED).process(settled), config) if len(settled) else ():
+            yield finding
+            well &= finding.ok or finding.name not in (STILL, ALIVE)
+        if well:
+            yield self._self_test(bus, info.variant)
         yield fifo.overflow(bus, address=self._address, variant=info.variant, clock=self._clock)
         bus.write(self._address, bytes([r.PWR_MGMT_1.address, r.DEVICE_RESET.mask]))
 
@@ -212,7 +224,27 @@ class CheckUp:
             ok=bad == 0,
             found=f"the {info.variant.name} at 0x{info.address:02x} was reset, woke, and is configured"
             + ("" if bad == 0 else f", but {_times(bad, 'register')} did not hold at first"),
-            advice="" if bad == 0 else "check the supply voltage, shorten the wires",
+            advice="check the supply voltage, shorten the wires" if bad else "; ".join(info.remarks),
+        )
+
+    def _self_test(self, bus: I2CBus, variant: Variant) -> Finding:
+        self._waiting("testing each axis by its own push")
+        chip = RegisterAccess(bus, address=self._address, clock=self._clock, health=self._health)
+        report = run_self_test(chip, variant=variant, clock=self._clock)
+        responses = ", ".join(
+            f"{axis.axis} {axis.measured:.2f} {axis.unit}"
+            if axis.ratio is None
+            else f"{axis.axis} {100 * axis.ratio:.0f} %"
+            for axis in report.axes
+        )
+        return Finding(
+            name="self-test",
+            ok=report.passed,
+            found=f"of the factory's response: {responses}",
+            advice=report.advice,
+            figures={
+                f"{axis.axis.replace(' ', '_')}_ratio": round(axis.ratio, 4) for axis in report.axes if axis.ratio
+            },
         )
 
     def _listen(self, source: ChipSource) -> RawBlock:
@@ -254,6 +286,8 @@ def _losses(health: Health) -> Finding:
     elif health.stuck:
         found += "; no axis changed, so that the chip was reset for it"
         advice = "see 'axes alive'"
+    elif health.outages:
+        advice = "the chip could not be reached for a while: look for a loose plug, wire or solder joint"
     elif health.registers_upset or health.chip_restarts:
         found += f"; {_times(health.registers_upset, 'register')} had changed, {_times(health.chip_restarts, 'reset')}"
         advice = "the supply dips: give the board 3.3 V of its own with a capacitor of 10 uF close to it"

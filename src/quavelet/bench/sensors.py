@@ -28,6 +28,8 @@ GRAVITY_LIMIT_G = 0.12
 """PS 6.2: 80 mg of zero-g offset and 3 % of sensitivity."""
 WARM_DEGC = 45.0
 AXES = "xyz"
+STILL, ALIVE = "board still", "axes alive"
+"""The findings without which nothing can be said of noise, bias, gravity and self-test."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,9 +99,9 @@ def _stillness(gyro_sd_dps: FloatArray, accel_sd_ug: FloatArray) -> Finding:
     limits = StillnessLimits()
     accel_sd_g, accel_limit_g = 1e-6 * accel_sd_ug, limits.accel_sd_m_s2 / STANDARD_GRAVITY_M_S2
     if (gyro_sd_dps <= DEG_PER_RAD * limits.gyro_sd_rad_s).all() and (accel_sd_g <= accel_limit_g).all():
-        return Finding(name="board still", ok=True, found="yes")
+        return Finding(name=STILL, ok=True, found="yes")
     return Finding(
-        name="board still",
+        name=STILL,
         ok=False,
         found=f"no, it turns by {gyro_sd_dps.max():.1f} deg/s rms and shakes by {accel_sd_g.max():.2f} g rms",
         advice="lay it down, let go, and run this again: noise, bias and gravity show on a still board only; if it "
@@ -108,12 +110,11 @@ def _stillness(gyro_sd_dps: FloatArray, accel_sd_ug: FloatArray) -> Finding:
 
 
 def _alive(block: ImuBlock, shown: Sequence[tuple[_Sensor, FloatArray]]) -> Finding:
-    name = "axes alive"
     # Of alike numbers the standard deviation is not always 0.
     changing = [(sensor, np.ptp(values, axis=0) > 0) for sensor, values in shown]
     if not any(changes.any() for _, changes in changing) or (block.flags & np.uint32(Flag.STUCK)).any():
         return Finding(
-            name=name,
+            name=ALIVE,
             ok=False,
             found="no axis changes: the chip is frozen, real sensors have noise",
             advice="power the board off and on; if that does not help, the chip is broken",
@@ -126,12 +127,12 @@ def _alive(block: ImuBlock, shown: Sequence[tuple[_Sensor, FloatArray]]) -> Find
     ]
     if dead:
         return Finding(
-            name=name,
+            name=ALIVE,
             ok=False,
             found=f"{', '.join(dead)} never changed",
             advice="power the board off and on; if that does not help, the chip is broken",
         )
-    return Finding(name=name, ok=True, found="they change, as sensors with noise do")
+    return Finding(name=ALIVE, ok=True, found="they change, as sensors with noise do")
 
 
 def _density(sensor: _Sensor, sd: FloatArray) -> Finding:
@@ -176,9 +177,7 @@ def _gravity(mean_g: FloatArray) -> Finding:
         found += f", {'+' if mean_g[k] > 0 else '-'}{AXES[k]} is up"
     elif abs(gravity - 0.5) <= GRAVITY_LIMIT_G / 2:
         found += ", half of what it should be"
-        advice = (
-            "early silicon, or a clone, that counts half as many per g: angles are right, forces are half; replace it"
-        )
+        advice = "a clone that counts half as many per g: angles are right, forces are half; replace it"
     elif abs(gravity - 2.0) <= 2 * GRAVITY_LIMIT_G:
         found += ", twice what it should be"
         advice = "a clone that counts twice as many per g: angles are right, forces are double; replace it"
@@ -205,4 +204,5 @@ def _temperature(temp_degc: float) -> Finding:
 
 
 def _three(values: FloatArray, digits: int) -> str:
-    return " ".join(f"{value:.{digits}f}" for value in values.tolist())
+    # With 0.0 added there is no minus before a zero.
+    return " ".join(f"{round(value, digits) + 0.0:.{digits}f}" for value in values.tolist())

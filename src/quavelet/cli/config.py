@@ -18,6 +18,7 @@ AsJson = Annotated[bool, typer.Option("--json", help="As JSON, each value with i
 def config(
     bus: options.Bus = None,
     address: options.Address = None,
+    accept_id: options.AcceptId = None,
     config: options.Config = None,
     json: AsJson = False,
     schema: Schema = False,
@@ -26,7 +27,7 @@ def config(
     if schema:
         _print_json(msgspec.json.schema(Message))
         return
-    loaded = options.settings_of(bus, address, config)
+    loaded = options.settings_of(bus, address, config, accept_id)
     if json:
         tables = cast(Tables, msgspec.to_builtins(loaded.settings))
         _print_json(
@@ -52,7 +53,11 @@ def as_toml(loaded: LoadedSettings) -> str:
 
 def _toml_line(key: str, value: Value, origin: str) -> str:
     # A TOML value of these types (text, numbers, booleans, lists of numbers) is written as in JSON, but for DEL.
-    text = f"0x{value:02x}" if key == "address" else msgspec.json.encode(value).decode().replace("\x7f", "\\u007f")
+    text = (
+        f"0x{value:02x}"
+        if key in ("address", "accept_id")
+        else msgspec.json.encode(value).decode().replace("\x7f", "\\u007f")
+    )
     comment = "".join(c if c.isprintable() else "?" for c in origin)
     return f"{f'{key} = {text}':<36}# {comment}"
 

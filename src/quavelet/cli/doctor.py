@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 import sys
 import textwrap
+from functools import partial
 from typing import Annotated
 
 import msgspec
@@ -23,6 +24,7 @@ INDENT = 25
 def doctor(
     bus: options.Bus = None,
     address: options.Address = None,
+    accept_id: options.AcceptId = None,
     config: options.Config = None,
     json: AsJson = False,
     virtual_time: options.VirtualTime = False,
@@ -31,7 +33,7 @@ def doctor(
 
     Takes seven seconds. The chip is reset: stop whatever else reads it.
     """
-    settings = options.settings_of(bus, address, config).settings
+    settings = options.settings_of(bus, address, config, accept_id).settings
     clock: Clock = VirtualClock() if options.on_virtual_time(settings, virtual_time) else MonotonicClock()
     show = _show_json if json else _show_lines
     check = CheckUp(settings, clock=clock, waiting=_wait)
@@ -73,13 +75,14 @@ def _show_lines(finding: Finding) -> None:
     mark, colour = ("BAD ", "red") if not finding.ok else ("note", "yellow") if finding.advice else ("ok  ", "green")
     # In a file or a pipe each finding and each advice is a line, for grep.
     width = max(INDENT + 20, min(120, shutil.get_terminal_size().columns)) if to_terminal else 10_000
-    found = textwrap.fill(f"{finding.name:<19} {finding.found}", width - 5, subsequent_indent=" " * (INDENT - 5))
-    lines = textwrap.indent(found, " " * 5)[5:].splitlines()
-    shown = [f"{typer.style(mark, fg=colour, bold=True) if to_terminal else mark} {lines[0]}", *lines[1:]]
+    wrap = partial(textwrap.wrap, break_on_hyphens=False)
+    lines = wrap(f"{mark} {finding.name:<19} {finding.found}", width, subsequent_indent=" " * INDENT)
+    if to_terminal:
+        lines[0] = typer.style(mark, fg=colour, bold=True) + lines[0][len(mark) :]
     if finding.advice:
-        advice = textwrap.wrap(f"-> {finding.advice}", width - INDENT, subsequent_indent="   ")
-        shown += [" " * INDENT + (typer.style(line, bold=True) if to_terminal else line) for line in advice]
-    exits.put("\n".join(shown))
+        advice = wrap(f"-> {finding.advice}", width - INDENT, subsequent_indent="   ")
+        lines += [" " * INDENT + (typer.style(line, bold=True) if to_terminal else line) for line in advice]
+    exits.put("\n".join(lines))
 
 
 def _show_json(finding: Finding) -> None:

@@ -14,6 +14,15 @@ Bus = Annotated[str | None, typer.Option("--bus", help="linux:N for /dev/i2c-N, 
 Address = Annotated[
     str | None, typer.Option("--address", help="0x68, or 0x69 with AD0 high.", show_default=False, metavar="ADDRESS")
 ]
+AcceptId = Annotated[
+    str | None,
+    typer.Option(
+        "--accept-id",
+        help="Drive a chip with this WHO_AM_I, which quavelet does not know, as an MPU-6500.",
+        show_default=False,
+        metavar="0xNN",
+    ),
+]
 Config = Annotated[Path | None, typer.Option("--config", help="A TOML settings file.", show_default=False)]
 Json = Annotated[bool, typer.Option("--json", help="JSON lines even on a terminal.")]
 Duration = Annotated[float | None, typer.Option("--duration", help="Stop after this many seconds.", min=0.01)]
@@ -23,19 +32,25 @@ VirtualTime = Annotated[
 ]
 
 
-def settings_of(bus: str | None, address: str | None, config: Path | None) -> LoadedSettings:
-    """The settings with these options on top. Raises SettingsError; a bad address is a usage error."""
+def settings_of(
+    bus: str | None, address: str | None, config: Path | None, accept_id: str | None = None
+) -> LoadedSettings:
+    """The settings with these options on top. Raises SettingsError; what is no number is a usage error."""
     options: dict[str, Value] = {}
     if bus is not None:
         options["bus.name"] = bus
     if address is not None:
-        try:
-            options["bus.address"] = int(address, 0)
-        except ValueError:
-            raise typer.BadParameter(
-                f"'{address}' is not an address: write it as 0x68", param_hint="--address"
-            ) from None
+        options["bus.address"] = _number(address, "is not an address: write it as 0x68", "--address")
+    if accept_id is not None:
+        options["bus.accept_id"] = _number(accept_id, "is not a WHO_AM_I: write it as 0x7d", "--accept-id")
     return load_settings(config, options=options)
+
+
+def _number(text: str, complaint: str, option: str) -> int:
+    try:
+        return int(text, 0)
+    except ValueError:
+        raise typer.BadParameter(f"'{text}' {complaint}", param_hint=option) from None
 
 
 def on_virtual_time(settings: Settings, wanted: bool) -> bool:

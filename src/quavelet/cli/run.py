@@ -38,6 +38,7 @@ QUEUE_DEPTH = 256
 def run(
     bus: options.Bus = None,
     address: options.Address = None,
+    accept_id: options.AcceptId = None,
     config: options.Config = None,
     json: options.Json = False,
     duration: options.Duration = None,
@@ -45,7 +46,7 @@ def run(
     virtual_time: options.VirtualTime = False,
 ) -> None:
     """Give the attitude until stopped: a live panel on a terminal, JSON lines when piped or with --json."""
-    settings = options.settings_of(bus, address, config).settings
+    settings = options.settings_of(bus, address, config, accept_id).settings
     raise typer.Exit(run_live(settings, json=json, duration_s=duration, record=record, virtual_time=virtual_time))
 
 
