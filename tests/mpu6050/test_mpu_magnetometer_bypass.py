@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from magnetometer_rig import BOARDS, CHIPS, NAMES, NOISY, MagRig, new_samples
+from magnetometer_rig import ADDRESS, BOARDS, CHIPS, NAMES, NOISY, MagRig, new_samples
 
 from hw_fakes import EarthField, Still, Turntable
 from quavelet.core.errors import BusError, ChipUnstable, DeviceLost, DeviceMissing, SettingsError
+from quavelet.mpu6050.config import ChipConfig
 from quavelet.mpu6050.magnetometer.kinds import KINDS
 from quavelet.mpu6050.magnetometer.plan import MagnetometerConfig
+from quavelet.mpu6050.source import ChipSource
 
 # uT a count, of the data sheets; for AKM before the factory's adjustment, which makes it at most 1.5 times that.
 LSB_UT = {
@@ -200,7 +202,7 @@ def test_stuck_words_are_told_of_as_a_lost_device(name):
     new_samples(rig, reader, 5, every_ms=5)
     rig.magnetometer._counts = rig.magnetometer._raw = lambda _measurement: (100, -200, 300)
     with pytest.raises(DeviceLost, match=NAMES[name]):
-        new_samples(rig, reader, 400, every_ms=10)
+        new_samples(rig, reader, 2000, every_ms=10)
 
 
 @pytest.mark.parametrize("name", ["gy-87", "gy-87-hmc5883l", "mpu-9250"])
@@ -265,3 +267,35 @@ def test_reading_before_setting_up_is_refused():
     reader._plan = None
     with pytest.raises(ValueError, match="set_up"):
         reader.read()
+
+
+@pytest.mark.parametrize("name", BOARDS)
+def test_magnetometer_is_read_beside_a_running_stream_and_after_its_chip_was_reset(name):
+    rig = MagRig(name, imperfections=NOISY)
+    chip_config = ChipConfig(gyro_range_dps=500, accel_range_g=4, dlpf=3, sample_rate_hz=200.0)
+    source = ChipSource(rig.bus, address=ADDRESS, config=chip_config, clock=rig.clock, health=rig.health)
+    source.wait_until_streaming()
+    reader = rig.bypass()
+    samples, new, missing, lost = 0, 0, 0, False
+    begun_ns = rig.clock.now_ns()
+    for turn in range(200):
+        if turn == 100:
+            rig.bus.write(ADDRESS, b"\x6b\x80")
+        rig.wait_ms(10)
+        samples += len(source.read())
+        try:
+            if lost:
+                reader.set_up()
+            lost = False
+            new += reader.read().new
+        except (DeviceMissing, ChipUnstable):
+            lost = True
+            missing += 1
+    seconds = (rig.clock.now_ns() - begun_ns) / 1e9
+    assert rig.health.chip_restarts == 1
+    assert 1 <= missing < 60
+    assert samples + rig.health.samples_lost == pytest.approx(200 * seconds, rel=0.02)
+    assert rig.health.samples_lost < 200 * 0.5
+    assert new > 30
+    assert np.allclose(new_samples(rig, reader, 20, every_ms=5).mean(axis=0), rig.true_ut(), atol=2.5)
+    assert not rig.health.fifo_misaligned

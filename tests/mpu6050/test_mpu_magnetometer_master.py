@@ -169,7 +169,7 @@ def test_stuck_data_are_told_of_and_a_saturated_magnetometer_is_not_called_lost(
     new_samples(rig, reader, 3, every_ms=3)
     rig.magnetometer._counts = rig.magnetometer._raw = lambda _measurement: (100, -200, 300)
     with pytest.raises(DeviceLost, match=NAMES[name]):
-        new_samples(rig, reader, 300, every_ms=10)
+        new_samples(rig, reader, 2000, every_ms=50)
 
     rig = MagRig(name, strength_ut=20_000.0)
     reader = rig.master()

@@ -59,13 +59,13 @@ class MagnetometerFinding:
     sentences: tuple[str, ...]
 
 
-def find_magnetometer(chip: RegisterAccess, *, wanted: str | None = None) -> MagnetometerFinding:
+def find_magnetometer(chip: RegisterAccess, *, wanted: str | None = None, accept_id: int = 0) -> MagnetometerFinding:
     """Ask by the bypass who is there; sleep, bypass and master are afterwards as they were.
 
     Nothing is written to a chip that is not known (but the number of the register to read). Only AKM's two have the
     same id: once that is read, and while the chip is in power-down, BIT of CNTL1 is set, read and taken back, since it
     sticks in an AK8963 alone; a single measurement that is under way is lost. While the master was on, its samples
-    pause. `wanted` is a name of `KINDS`, to choose between two.
+    pause. `wanted` is a name of `KINDS`, to choose between two; `accept_id` as in `identify`.
 
     Raises BusError, WrongChip where the chip itself is none of ours, ChipUnstable where it opens no
     bypass, ValueError for an unknown name.
@@ -73,7 +73,8 @@ def find_magnetometer(chip: RegisterAccess, *, wanted: str | None = None) -> Mag
     if wanted is not None and wanted not in KINDS:
         raise ValueError(f"there is no magnetometer {wanted!r}: take one of {', '.join(KINDS)}")
     who_am_i = chip.read(r.WHO_AM_I)
-    identify(who_am_i, bus=chip.bus.name, address=chip.address)  # a clock chip must not be written to
+    # A clock chip at this address must not be written to.
+    identify(who_am_i, bus=chip.bus.name, address=chip.address, accept_id=accept_id)
     with aux_bus_kept(chip):
         close_bypass(chip)
         outside = {address for address in ADDRESSES if _asked(chip.bus, address, 0x00, 1) is not None}

@@ -10,7 +10,7 @@ from quavelet.core.blocks import CountArray
 from quavelet.core.clock import Clock
 from quavelet.core.errors import ChipUnstable, DeviceMissing, SettingsError
 from quavelet.core.health import Health
-from quavelet.core.units import NS_PER_S
+from quavelet.core.units import NS_PER_MS, NS_PER_S
 from quavelet.mpu6050 import registers as r
 from quavelet.mpu6050.access import RegisterAccess
 from quavelet.mpu6050.config import RegisterBits
@@ -22,6 +22,8 @@ from quavelet.mpu6050.magnetometer.samples import MagSample, Sampler
 
 _LATE = 0.05
 """How much faster than its nominal rate the chip may sample, without its gyroscope's clock (PS 6.6)."""
+_TRANSFER_NS = NS_PER_MS
+"""Longer than all that the slaves transfer at one sample."""
 
 
 class MasterReader:
@@ -77,6 +79,8 @@ class MasterReader:
         for control in aux.SLV_CTRL:
             chip.write(control, 0)
         chip.apply(RegisterBits(aux.SLV4_CTRL, 0, aux.SLV_EN))
+        # A master switched off in mid-transfer would leave the magnetometer holding the line.
+        self._clock.sleep_until_ns(self._clock.now_ns() + _TRANSFER_NS)
         aux.open_bypass(chip)
         plan = prepared(self._target, self._found, self._config, clock=self._clock)
         aux.close_bypass(chip)

@@ -11,10 +11,12 @@ from quavelet.core.errors import ChipUnstable, DeviceLost
 from quavelet.core.units import NS_PER_S
 from quavelet.mpu6050.magnetometer.plan import Matrix, Plan, Triple, Words
 
-PATIENCE_NS = NS_PER_S
-"""A magnetometer whose words do not change for so long, or for 50 measurements where that is longer, has failed: its
-noise is of the order of its resolution."""
-_PATIENCE_MEASUREMENTS = 50
+SILENT_NS = NS_PER_S
+"""A magnetometer that measures nothing for so long, or for 50 measurements where that is longer, has failed."""
+STUCK_NS = 10 * NS_PER_S
+"""One that measures the same words for so long, or for 500 measurements, has failed too: its noise is of the order of
+its resolution, though at the widest ranges it may hide in one count for a while."""
+_SILENT_MEASUREMENTS = 50
 _FEWEST_LOOKS = 10
 
 
@@ -44,10 +46,10 @@ class Sampler:
         self._plan = plan
         self._to_body_ut = np.array(to_body) @ np.diag(plan.ut_per_lsb)
         self._where = f"the {plan.name} at 0x{plan.address:02x} on {bus}"
-        self._patience_ns = max(PATIENCE_NS, round(_PATIENCE_MEASUREMENTS * NS_PER_S / plan.rate_hz))
+        self._silent_ns = max(SILENT_NS, round(_SILENT_MEASUREMENTS * NS_PER_S / plan.rate_hz))
         self._last: MagSample | None = None
         self._counts = (0, 0, 0)
-        self._changed_ns = since_ns
+        self._changed_ns = self._alive_ns = since_ns
         self._looks = 0
 
     def take_read(self, block: bytes, t_ns: int, *, now_ns: int) -> MagSample:
@@ -82,10 +84,18 @@ class Sampler:
         saturated = words.overflow and words.ready
         self._looks += 1
         if words.counts != self._counts or saturated:
-            self._counts, self._changed_ns, self._looks = words.counts, now_ns, 0
-        silent_ns = now_ns - self._changed_ns
-        if silent_ns > self._patience_ns and self._looks >= _FEWEST_LOOKS:
-            raise DeviceLost(
-                f"{self._where} has given no other measurement for {silent_ns / NS_PER_S:.1f} s: set it up anew, and "
-                f"check its wires and supply if that does not help"
-            )
+            self._counts, self._changed_ns, self._alive_ns, self._looks = words.counts, now_ns, now_ns, 0
+        elif words.ready:
+            self._alive_ns = now_ns
+        if self._looks < _FEWEST_LOOKS:
+            return
+        silent_ns, stuck_ns = now_ns - self._alive_ns, now_ns - self._changed_ns
+        if silent_ns > self._silent_ns:
+            failed = f"has measured nothing for {silent_ns / NS_PER_S:.1f} s"
+        elif stuck_ns > self._silent_ns * (STUCK_NS // SILENT_NS):
+            failed = f"has given the same words for {stuck_ns / NS_PER_S:.1f} s"
+        else:
+            return
+        raise DeviceLost(
+            f"{self._where} {failed}: set it up anew, and check its wires and supply if that does not help"
+        )
