@@ -23,8 +23,9 @@ from quavelet.mpu6050.measuring import average, measuring_config, read_steadily,
 from quavelet.mpu6050.offset_plan import ACCEL_LSB_PER_G, GYRO_LSB_PER_DPS, OffsetPlan, Words
 from quavelet.mpu6050.variants import Variant
 
-SAMPLES = 1000
-"""A second: the noise of PS 6.1 and 6.2 leaves 0.004 deg/s and 0.3 mg of a mean."""
+SAMPLES = 4000
+"""Four seconds: the noise of PS 6.1 and 6.2 leaves 0.002 deg/s and 0.14 mg of a mean, well below a step."""
+TRY_SAMPLES = 500
 FILTER_WAIT_MS = 100
 """From an offset written to the first sample that counts; the narrowest filter is not used."""
 TRY_WORDS = 64
@@ -60,7 +61,7 @@ def write_offsets(
     """Measure the board at rest, and write offsets that bring what it shows to what it should show.
 
     lies_g is what the accelerometer should show as the board lies, (0, 0, 1) flat with z up: an error of 1 degree there
-    becomes an offset of 17 mg. None: only the gyroscope's offsets are written. Takes about 4 s.
+    becomes an offset of 17 mg. None: only the gyroscope's offsets are written. Takes about 12 s.
 
     The chip is reset first, and left awake with ranges and filters of this measurement: it must be started anew, with
     the plan. Raises CalibrationError where the board moves, an offset has no effect or the residual grows, after which
@@ -114,11 +115,11 @@ class _Bench:
     words_per_count: FloatArray
     should_show: FloatArray
 
-    def residual(self, plan: OffsetPlan) -> FloatArray:
+    def residual(self, plan: OffsetPlan, *, samples: int = SAMPLES) -> FloatArray:
         """What the axes show too much with these offsets. Raises CalibrationError where the board moves."""
         write_rows(self.chip, list(plan.rows(self.variant)))
         sleep_ms(self.clock, FILTER_WAIT_MS)
-        got = average(self.chip, variant=self.variant, clock=self.clock, samples=SAMPLES)
+        got = average(self.chip, variant=self.variant, clock=self.clock, samples=samples)
         if (got.sd * self.words_per_count > _LIMIT).any():
             raise CalibrationError("the board moves: lay it down, let go, and measure the offsets again")
         if any(got.at_end):
@@ -131,7 +132,7 @@ def _found(bench: _Bench, factory: OffsetPlan, *, accel: bool) -> tuple[OffsetPl
     """The plan, and the residual before and after it."""
     used = np.array([accel] * 3 + [True] * 3)
     before = bench.residual(factory)
-    tried = bench.residual(_moved(factory, TRY_WORDS * used))
+    tried = bench.residual(_moved(factory, TRY_WORDS * used), samples=TRY_SAMPLES)
     effect = (tried - before) / TRY_WORDS
     dead = used & ~((np.abs(effect) > 0.5) & (np.abs(effect) < 1.5))
     if dead.any():
