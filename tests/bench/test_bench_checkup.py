@@ -96,6 +96,13 @@ def test_a_board_at_the_other_address_is_found(asked: int, there: int) -> None:
     assert checked(at=there, settings=Settings(bus=BusSettings(address=there))).bad == []
 
 
+def test_a_clock_chip_at_the_other_address_is_not_taken_for_the_board() -> None:
+    done = checked(lambda _clock: Clock3231(), settings=Settings(bus=BusSettings(address=0x69)))
+    assert done.bad == ["who answers"]
+    assert "0x68" in done["who answers"].found
+    assert "--address" not in done["who answers"].advice
+
+
 def test_a_clock_chip_is_known_by_its_time_and_nothing_is_written_to_it() -> None:
     clock_chip = Clock3231()
     done = checked(lambda _clock: clock_chip)

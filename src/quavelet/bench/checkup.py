@@ -8,7 +8,8 @@ import numpy as np
 
 from quavelet.bench import fifo, wires
 from quavelet.bench.finding import Finding
-from quavelet.bench.host import Host, linux_number, others
+from quavelet.bench.host import Host
+from quavelet.bench.reach import Reach
 from quavelet.bench.sensors import ALIVE, STILL, sensors
 from quavelet.bus.open import BusOpener, open_bus
 from quavelet.bus.protocol import I2CBus
@@ -16,7 +17,7 @@ from quavelet.calibration.calibrate import Calibrate
 from quavelet.calibration.model import UNCALIBRATED
 from quavelet.core.blocks import RawBlock, concat
 from quavelet.core.clock import Clock
-from quavelet.core.errors import BusBusy, BusError, BusPermission, DeviceLost, DeviceMissing, ImuError, WrongChip
+from quavelet.core.errors import BusError, DeviceLost, ImuError, WrongChip
 from quavelet.core.health import Health
 from quavelet.core.units import NS_PER_S
 from quavelet.mpu6050 import registers as r
@@ -57,11 +58,10 @@ class CheckUp:
         self._settings = settings
         self._address = settings.bus.address
         self._clock = clock
-        self._host = host or Host()
         self._opener = opener
         self._waiting = waiting
         self._health = Health()
-        self._number = linux_number(settings.bus.name)
+        self._reach = Reach(settings.bus, host=host or Host())
 
     def findings(self) -> Iterator[Finding]:
         """The findings, as they come; where nothing more can be looked at, the last one says why.
@@ -72,28 +72,26 @@ class CheckUp:
             bus = self._opener(self._settings.bus.name, clock=self._clock)
         except BusError as error:
             self.error = error
-            yield self._not_open(error)
+            yield self._reach.not_opened(error)
             return
         with bus:
-            yield self._open(bus)
+            yield self._reach.opened(bus)
             yield from self._stages(bus)
 
     def _stages(self, bus: I2CBus) -> Iterator[Finding]:
-        found = self._who_answers(bus)
-        yield found
+        yield self._reach.who_answers(bus)
+        self.error = self._reach.error
         if self.error:
             return
         try:
             variant = self._identify(bus)
         except (WrongChip, BusError) as error:
             self.error = error
-            yield self._wrong_chip(bus, error)
+            yield self._reach.wrong_chip(bus, error)
             return
         yield Finding(name="WHO_AM_I", ok=True, found=f"0x{variant.who_am_i:02x}, {variant.name}")
         try:
-            number = self._number
-            set_hz = {b.number: b.clock_hz for b in self._host.buses()}.get(number) if number is not None else None
-            yield wires.speed(bus, settings=self._settings, clock=self._clock, set_hz=set_hz)
+            yield wires.speed(bus, settings=self._settings, clock=self._clock, set_hz=self._reach.set_hz)
             yield wires.registers_hold(bus, address=self._address, clock=self._clock)
             yield from self._running(bus)
         except ImuError as error:
@@ -101,85 +99,9 @@ class CheckUp:
             self.error = DeviceLost(str(error)) if isinstance(error, BusError) else error
             yield Finding(name="stopped", ok=False, found="nothing more can be looked at", advice=str(error))
 
-    def _open(self, bus: I2CBus) -> Finding:
-        if self._number is None:
-            return Finding(name="bus", ok=True, found=f"{bus.name} is open")
-        buses = self._host.buses()
-        (here,) = [str(b) for b in buses if b.number == self._number] or [bus.name]
-        also = others(buses, self._number)
-        return Finding(name="bus", ok=True, found=f"{here} is open" + (f"; there are also {also}" if also else ""))
-
-    def _not_open(self, error: BusError) -> Finding:
-        found = f"{self._settings.bus.name} cannot be opened"
-        also = others(self._host.buses(), self._number)
-        if isinstance(error, DeviceMissing):
-            found = f"there is no I2C bus {self._settings.bus.name}; " + (
-                f"there are {also}" if also else "there is no I2C bus"
-            )
-            if also:
-                return Finding(name="bus", ok=False, found=found, advice=f"give one of them as --bus ({error})")
-        elif isinstance(error, BusPermission):
-            found = f"this user may not open {self._settings.bus.name}"
-        return Finding(name="bus", ok=False, found=found, advice=str(error))
-
-    def _who_answers(self, bus: I2CBus) -> Finding:
-        try:
-            scan = wires.scan(bus, address=self._address)
-        except BusError as error:
-            self.error = error
-            return Finding(name="who answers", ok=False, found="nobody can: the bus does not move", advice=str(error))
-        if self._address in scan.answers:
-            return Finding(name="who answers", ok=True, found=str(scan))
-        here = f"0x{self._address:02x}"
-        refused = scan.refused.get(self._address)
-        if isinstance(refused, BusBusy):
-            self.error = refused
-            return self._held(refused)
-        self.error = refused or DeviceMissing(f"no answer from {here}", address=self._address)
-        if refused:
-            return Finding(name="who answers", ok=False, found=f"{here} gives errors", advice=str(refused))
-        found = f"{here} is silent; " + (f"there are {scan}" if scan.answers else "nobody answers on this bus")
-        other = next((a for a in wires.MPU_ADDRESSES if a in scan.answers and a != self._address), None)
-        if other is not None:
-            found = f"{here} is silent, 0x{other:02x} answers with WHO_AM_I 0x{scan.answers[other]:02x}"
-            advice = f"AD0 is {'high' if other == 0x69 else 'low'}: give --address 0x{other:02x}"
-        elif scan.answers:
-            advice = "the wires are well up to these: check VCC, GND and AD0 (low = 0x68, high = 0x69) of this board"
-        else:
-            advice = "check, in this order: VCC 3.3 V and GND, SDA and SCL not swapped, the solder of the pins"
-            if also := others(self._host.buses(), self._number) if self._number is not None else "":
-                advice += f", and whether it is on another bus ({also})"
-        return Finding(name="who answers", ok=False, found=found, advice=advice)
-
-    def _held(self, error: BusBusy) -> Finding:
-        device, driver = self._host.holder(self._number, self._address) if self._number is not None else ("", "")
-        held = f"0x{self._address:02x} is held by the kernel's driver {driver or 'of this address'}"
-        held += f" for {device}" if device else ""
-        advice = str(error)
-        if "mpu6050" in device or "mpu6050" in driver:
-            advice = (
-                "take dtoverlay=mpu6050 out of /boot/firmware/config.txt and reboot; "
-                "until then: sudo modprobe -r inv_mpu6050_i2c"
-            )
-        elif driver.startswith("rtc") or device.startswith("ds"):
-            advice = "a clock chip has this address: wire AD0 of the MPU-6050 to 3.3 V and give --address 0x69"
-        return Finding(name="who answers", ok=False, found=held, advice=advice)
-
     def _identify(self, bus: I2CBus) -> Variant:
         who_am_i = bus.write_read(self._address, bytes([r.WHO_AM_I.address]), 1)[0]
         return identify(who_am_i, bus=bus.name, address=self._address, accept_id=self._settings.bus.accept_id)
-
-    def _wrong_chip(self, bus: I2CBus, error: WrongChip | BusError) -> Finding:
-        found = f"0x{error.found:02x}, which is no MPU-6050's" if isinstance(error, WrongChip) else "cannot be read"
-        try:
-            clock_chip = wires.looks_like_clock(bus.write_read(self._address, b"\x00", 7))
-        except BusError:
-            clock_chip = False
-        if clock_chip:
-            found = f"0x{self._address:02x} is a clock chip, a DS1307 or DS3231: its registers tell the time"
-            advice = "take the clock off, or wire AD0 of the MPU-6050 to 3.3 V and give --address 0x69"
-            return Finding(name="WHO_AM_I", ok=False, found=found, advice=advice)
-        return Finding(name="WHO_AM_I", ok=False, found=found, advice=str(error))
 
     def _running(self, bus: I2CBus) -> Iterator[Finding]:
         config = self._settings.chip
