@@ -84,7 +84,7 @@ def test_start_up_is_these_transactions_and_no_others():
 
 def test_stranger_at_the_address_is_never_written_to():
     """At 0x68 there is a DS3231 clock on many boards: a write would set its time."""
-    with ScriptedBus([read(0x75, "25")]) as bus:
+    with ScriptedBus([read(0x75, "25")] * 2) as bus:
         source = ChipSource(bus, address=ADDRESS, config=config(), clock=VirtualClock(), health=Health())
         with pytest.raises(WrongChip) as caught:
             source.wait_until_streaming()

@@ -9,7 +9,7 @@ from quavelet.core.blocks import CountArray
 TEMP_JUMP = 680
 """Counts, 2 degC: no die warms by that from one frame to the next, but a frame read from the wrong byte shows it."""
 SAME_FRAMES = 10
-SAME_NS = 100_000_000
+SAME_NS = 80_000_000
 """So many frames, and so long, may be alike. At the narrowest filter and the widest ranges the accelerometer's noise is
 still 2 counts rms (PS 6.2: 400 ug/rtHz), so that alike frames are rarely two in a row on all six axes."""
 

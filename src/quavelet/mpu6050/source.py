@@ -29,8 +29,8 @@ MAX_FAILURES = 10
 FAILURE_NS = 10 * NS_PER_MS
 """A loop that is faster than this counts no more failures."""
 STARVED_NS = 100 * NS_PER_MS
-"""No sample for so long, or for two periods where that is longer: the registers are looked at, then the FIFO is started
-anew; for twice as long, and the chip is reset."""
+"""No sample for so long, or for two periods where that is longer: the FIFO is started anew; for half as long, and the
+registers are looked at; for twice as long, and the chip is reset."""
 STUCK_S = 1.0
 """A chip whose axes do not change for so long is reset, once."""
 LOST_S = 10.0
@@ -75,6 +75,7 @@ class ChipSource:
         self._counted_ns = 0
         self._good_ns = 0
         self._fed_ns = 0
+        self._asked_why = False
         self._starved_once = False
         self._stuck_tried = False
         self._restart_due = False
@@ -128,7 +129,8 @@ class ChipSource:
         self._watch = RegisterWatch(
             self._chip, self._start_up.table, who_am_i=info.who_am_i, since_ns=now_ns, health=self._health
         )
-        self._fed_ns, self._failures, self._restart_due, self._starved_once = now_ns, 0, False, False
+        self._fed_ns, self._failures, self._restart_due = now_ns, 0, False
+        self._asked_why = self._starved_once = False
         # A chip that was brought back goes on in the same stream: its samples are numbered on over the gap.
         if self.decoder is None or self.decoder.info != info:
             self.decoder = Decoder(info, health=self._health)
@@ -211,6 +213,10 @@ class ChipSource:
         empty_ns = drain.after_ns - self._fed_ns
         if empty_ns > 2 * patience_ns:
             return self._bring_back(f"it has taken no sample for {empty_ns / NS_PER_S:.1f} s")
+        if empty_ns > patience_ns // 2 and not self._asked_why:
+            self._asked_why = True
+            finding = self._watch.check_all()
+            return drain if finding is Finding.GOOD else self._mend(finding)
         if empty_ns > patience_ns and not self._starved_once:
             self._starved_once = True
             self._health.starved += 1
@@ -253,7 +259,7 @@ class ChipSource:
         self._disturbed = None
         if drain.fifo_count:
             self._good_ns = self._fed_ns = drain.after_ns
-            self._starved_once = False
+            self._asked_why = self._starved_once = False
         else:
             self._lose_if_late("it has taken no sample, its supply may have failed for a moment")
         stuck_s = self.decoder.stuck_s

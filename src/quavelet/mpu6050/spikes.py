@@ -28,6 +28,8 @@ ALONE = 4
 """It stands so many times as far off the samples around it as they are apart."""
 BEFORE = 3
 """Samples before it that it is compared with; after it, one."""
+AROUND = BEFORE + 1
+_OF_THE_SAMPLE = Flag.GYRO_CLIPPED | Flag.ACCEL_CLIPPED | Flag.CLOCK_UNSURE | Flag.STUCK
 _AXES = [0, 1, 2, 4, 5, 6]
 
 Axes = tuple[int, ...]
@@ -38,21 +40,27 @@ Axes = tuple[int, ...]
 class SpikeState:
     """All memory.
 
-    before    the axes of the last samples that stood, three at most, none from before a gap
-    held      a sample that jumped and waits for the one after it, as a block of one row
-    owed_ns   the time of a sample thrown away that the next one's gap has to hold, 0 where there is none
+    before       the axes of the last samples that stood, three at most, none from before a gap
+    began        these are the first after a gap, and too few to compare with
+    held         samples that wait for those after them: the first four after a gap, later at most one, which jumped
+    owed_ns      the time of samples thrown away that the next one's gap has to hold
+    owed_flags   and what is to be said of it, 0 where there is none
     """
 
     before: tuple[Axes, ...] = ()
+    began: bool = False
     held: RawBlock | None = None
     owed_ns: int = 0
+    owed_flags: int = 0
 
 
 class SpikeRule:
     """Takes samples that stand alone out of the blocks; the next one is flagged as coming after a gap of their length.
 
-    A sample that jumps at the end of a block is held back until the next block shows whether it stands alone: nothing
-    else is ever delayed. Where a gap comes next nothing will show it, and it is thrown away.
+    A sample that jumps at the end of a block is held back until the next block shows whether it stands alone. The first
+    four after a gap wait until there are five to be compared: none before says what they should be, and by the first
+    the attitude is carried over the gap. Nothing else is ever delayed. Where a gap comes next nothing will show it, and
+    a sample that jumped is thrown away.
     """
 
     def __init__(self, info: StreamInfo, *, health: Health) -> None:
@@ -70,44 +78,52 @@ class SpikeRule:
         if self._bounds is None or not len(block):
             return block
         s, bounds = self._s, self._bounds
-        axes = block.counts[:, _AXES].astype(np.int64)
-        gap = bool(block.flags[0] & Flag.GAP)
-        if s.held is None and not s.owed_ns:
-            before = s.before[-1] if s.before and not gap else axes[0]
+        if not s.began and s.held is None and not s.owed_flags and not block.flags[0] & Flag.GAP:
+            axes = block.counts[:, _AXES].astype(np.int64)
+            before = s.before[-1] if s.before else axes[0]
             if not (np.abs(np.diff(axes, axis=0, prepend=[before])) > bounds).any():
                 last = tuple(tuple(row) for row in axes[-BEFORE:].tolist())
-                self._s = SpikeState(((() if gap else s.before) + last)[-BEFORE:])
+                self._s = SpikeState((*s.before, *last)[-BEFORE:])
                 return block
-        return self._looked_at(block if s.held is None else concat([s.held, block]), bounds)
+        return self._looked_at(block, bounds)
 
     def _looked_at(self, block: RawBlock, bounds: NDArray[np.int64]) -> RawBlock:
-        s, n = self._s, len(block)
+        s, old = self._s, 0 if self._s.held is None else len(self._s.held)
+        if s.held is not None:
+            block = concat([s.held, block])
         rows: list[Axes] = [tuple(row) for row in block.counts[:, _AXES].tolist()]
-        gaps: list[bool] = ((block.flags & Flag.GAP) != 0).tolist()
-        before, owed_ns, kept, held = s.before, s.owed_ns, [], None
+        # A gap comes with the first row of a block; that of the rows held back was seen when they were new.
+        gap_at = old if block.flags[old] & Flag.GAP else None
+        before, began, owed_ns, owed_flags, kept = s.before, s.began, s.owed_ns, s.owed_flags, []
         flags, gap_ns = block.flags.copy(), block.gap_ns.copy()
+        held = len(rows)
         for k, row in enumerate(rows):
-            # What was held back has had its gap looked at.
-            if gaps[k] and not (k == 0 and s.held is not None):
-                before = ()
-            if len(before) == BEFORE and stands_alone(row, before, bounds):
-                if k + 1 == n:
-                    held = k
-                    break
-                if gaps[k + 1] or stands_alone(row, (*before, rows[k + 1]), bounds):
-                    owed_ns += round(float(block.period_s[k]) * NS_PER_S) + int(gap_ns[k])
-                    self._health.spikes += 1
-                    self._health.samples_lost += 1
-                    continue
-            if owed_ns:
-                self._health.gaps += not gaps[k]
-                flags[k] |= np.uint32(Flag.GAP | Flag.IMPLAUSIBLE)
+            if k == gap_at:
+                before, began = (), True
+            sure = len(before) == BEFORE
+            end = gap_at if gap_at is not None and k < gap_at else len(rows)
+            around = (*before, *rows[k + 1 : min(end, k + 1 + AROUND - len(before))])
+            if len(around) < AROUND and end == len(rows) and (stands_alone(row, before, bounds) if sure else began):
+                held = k
+                break
+            # Before another gap there may be too few to tell.
+            if (sure or began) and around and stands_alone(row, around, bounds):
+                owed_ns += round(float(block.period_s[k]) * NS_PER_S) + int(gap_ns[k])
+                owed_flags |= int(flags[k]) & ~_OF_THE_SAMPLE | Flag.GAP | Flag.IMPLAUSIBLE
+                self._health.gaps -= bool(flags[k] & Flag.GAP)
+                self._health.spikes += 1
+                self._health.samples_lost += 1
+                continue
+            if owed_flags:
+                self._health.gaps += not flags[k] & Flag.GAP
+                flags[k] |= np.uint32(owed_flags)
                 gap_ns[k] += owed_ns
-                owed_ns = 0
+                owed_ns = owed_flags = 0
             kept.append(k)
             before = (*before, row)[-BEFORE:]
+            began = began and len(before) < BEFORE
         marked = replace(block, flags=flags, gap_ns=gap_ns)
-        self._s = SpikeState(before, None if held is None else marked[held : held + 1], owed_ns)
+        self._s = SpikeState(before, began, marked[held:] if held < len(rows) else None, owed_ns, owed_flags)
         return _rows(marked, kept)
 
 

@@ -138,7 +138,8 @@ class StartUp:
             self._go(self.step, wait_ns)
         elif self.info is not None or self._tries < MAX_TRIES:
             self._health.chip_restarts += 1
-            self._new_try()
+            # By way of the question who is there, once that is known: a chip put in its place must not be written to.
+            self._new_try() if self.info is None else self._go(Step.PROBE, 0)
         else:
             raise ChipUnstable(
                 f"the chip at 0x{self._chip.address:02x} did not start in {MAX_TRIES} tries, stuck while "
@@ -148,6 +149,9 @@ class StartUp:
     def _probe(self) -> None:
         # Reading comes before any write: a clock chip at this address must not be written to.
         who_am_i = self._chip.read(r.WHO_AM_I)
+        if who_am_i != MPU6050.who_am_i and self.info is None:
+            # Perhaps it was disturbed on its way.
+            who_am_i = self._chip.read(r.WHO_AM_I)
         if self.info is None:
             self.variant = identify(
                 who_am_i, bus=self._chip.bus.name, address=self._chip.address, accept_id=self._accept_id
@@ -215,15 +219,28 @@ class StartUp:
             self._again(RETRY_NS, f"{', '.join(wrong)} did not read back as written")
         return not wrong
 
+    def _is_as_written(self, info: StreamInfo) -> bool:
+        """Whether ranges and rates were read as they were written: one bit that flips there spoils all samples."""
+        read = {
+            r.CONFIG: info.config,
+            r.GYRO_CONFIG: info.gyro_config,
+            r.ACCEL_CONFIG: info.accel_config,
+            r.SMPLRT_DIV: info.smplrt_div,
+        }
+        rows = [row for row in self.table if row.register in read]
+        return info.who_am_i == self.variant.who_am_i and all(row.holds(read[row.register]) for row in rows)
+
     def _start(self) -> None:
         # Much may happen while the gyroscope settles, and the scale of all samples hangs on these registers.
         if not self._holds():
             return
-        info = replace(
-            self._chip.stream_info(),
-            accepted=self.variant.who_am_i not in VARIANTS,
-            accel_half_scale=is_half_scale(self._chip, variant=self.variant),
-        )
+        read = self._chip.stream_info()
+        if not self._is_as_written(read):
+            self._again(POLL_NS, f"WHO_AM_I reads 0x{read.who_am_i:02x}, or the ranges other than a moment before")
+            return
+        # What is seldom so is looked at twice: one bit that flips on its way would halve the scale.
+        half_scale = all(is_half_scale(self._chip, variant=self.variant) for _ in range(2))
+        info = replace(read, accepted=self.variant.who_am_i not in VARIANTS, accel_half_scale=half_scale)
         self._chip.restart_fifo()
         self.info = info
         self._tries = 0
