@@ -235,6 +235,22 @@ def test_other_chip_than_the_named_one_is_told_of_once(chip, caplog):
     assert len(rig.source.info.remarks) == (chip.who_am_i != 0x68) + (chip.accel_gain != 1)
 
 
+def test_one_bit_disturbed_on_its_way_does_not_make_another_chip_of_it(caplog):
+    rig = Rig()
+    asked = 0
+
+    def alter(_k, transfer, answer):
+        nonlocal asked
+        asked += transfer.register == 0x75
+        return b"\x69" if transfer.register == 0x75 and asked == 1 else answer
+
+    rig.bus.alter = alter
+    with caplog.at_level(logging.WARNING):
+        rig.start()
+    assert rig.source.info.variant is VARIANTS[0x68]
+    assert caplog.text == ""
+
+
 # Half-scale silicon: revision 1 in the trim's lowest bits, or revision 0 and product 4 (Betaflight, ArduPilot).
 @pytest.mark.parametrize(
     ("trim", "product", "half"),

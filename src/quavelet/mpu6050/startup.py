@@ -156,6 +156,10 @@ class StartUp:
             self.variant = identify(
                 who_am_i, bus=self._chip.bus.name, address=self._chip.address, accept_id=self._accept_id
             )
+            if self.variant.remark and self._chip.read(r.WHO_AM_I) != who_am_i:
+                # One flipped bit makes another chip of the family out of an MPU-6050.
+                self._again(POLL_NS, f"WHO_AM_I reads 0x{who_am_i:02x}, and then otherwise")
+                return
             self.table = configuration_table(self._config, variant=self.variant, offsets=self._offsets)
             if self.variant.remark:
                 log.warning("%s", self.variant.remark)
