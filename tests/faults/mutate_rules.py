@@ -1,0 +1,123 @@
+# ruff: noqa: E501
+"""Breaks each rule of recovery in turn, in a copy of the tree, and says which test notices.
+
+`python tests/faults/mutate_rules.py [NAME...]`; exit code 1 where a broken rule goes unnoticed.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import NamedTuple
+
+ROOT = Path(__file__).resolve().parents[2]
+DRIVER = "src/quavelet/mpu6050"
+RECOVERY, FIFO, TIMES = (f"tests/mpu6050/test_mpu_{name}.py" for name in ("recovery", "fifo", "times"))
+START, SPIKES = "tests/mpu6050/test_mpu_start.py", "tests/faults/test_fault_spikes.py"
+MATRIX, TELLS = "tests/faults/test_fault_matrix.py", "tests/faults/test_fault_tells.py"
+
+
+class Mutant(NamedTuple):
+    """A rule, and how it is broken."""
+
+    name: str
+    file: str
+    line: str
+    broken: str
+    tests: tuple[str, ...]
+    only: str = ""
+
+
+MUTANTS = (
+    Mutant("retries off", "access.py", "TRIES = 3", "TRIES = 1", (FIFO,)),
+    Mutant("FIFO read again after any error", "access.py", "n), _NOT_ACKNOWLEDGED)", "n), _PASSING)", (FIFO,)),
+    Mutant("FIFO not emptied", "access.py", "self.write(r.USER_CTRL, r.USER_FIFO_RESET.mask)", "pass", (FIFO,)),
+    Mutant("FIFO reset while it fills", "access.py", "self.write(r.FIFO_EN, 0)", "pass", (FIFO, RECOVERY)),
+    Mutant("register check off", "watch.py", "return now_ns >= self._due_ns", "return False", (RECOVERY,)),
+    Mutant("one look at a register", "watch.py", "self._unlike(run) and self._unlike(run)", "self._unlike(run)", (MATRIX, TELLS, SPIKES), "flip or look"),
+    Mutant("changed register left", "watch.py", "self._chip.apply(row)", "pass", (RECOVERY,)),
+    Mutant("WHO_AM_I not watched", "watch.py", "RegisterBits(r.WHO_AM_I, who_am_i, ~who_am_i & 0xFF),", "", (RECOVERY,)),
+    Mutant("finding RESET ignored", "source.py", "if finding is Finding.RESET:", "if False:", (RECOVERY,)),
+    Mutant("finding REWRITTEN ignored", "source.py", "if finding is not Finding.GOOD:", "if finding is Finding.RESET:", (RECOVERY,)),
+    Mutant("FIFO reset not done", "source.py", "self._restart_due = self._check_due = True", "return", (FIFO,)),
+    Mutant("failed FIFO reset forgotten", "source.py", "self._restart_due = self._check_due = True", "self._check_due = True", (FIFO,)),
+    Mutant("no check after trouble", "source.py", "self._restart_due = self._check_due = True", "self._restart_due = True", (RECOVERY, MATRIX), "changed or rate"),
+    Mutant("count not read again", "source.py", "if decoder.verdict(drain) is Verdict.MISALIGNED:", "if False:", (RECOVERY,)),
+    Mutant("failure counter off", "source.py", "self._failures += 1", "pass", (FIFO,)),
+    Mutant("failures never forgiven", "source.py", "self._failures = max(0, self._failures - 1)", "pass", (FIFO,)),
+    Mutant("starvation off", "source.py", "if empty_ns > 2 * patience_ns:", "if False:", (RECOVERY,)),
+    Mutant("starved FIFO not restarted", "source.py", "if empty_ns > patience_ns and", "if False and", (TELLS, RECOVERY), "starved or ten_seconds"),
+    Mutant("hunger asks no register", "source.py", "if empty_ns > patience_ns // 2 and", "if False and", (MATRIX,), "0x23"),
+    Mutant("stuck chip not reset", "source.py", "if stuck_s > STUCK_S and", "if False and", (RECOVERY,)),
+    Mutant("never lost", "source.py", "if silent_ns > self._lost_ns:", "if False:", (FIFO, RECOVERY)),
+    Mutant("overflow after the count", "source.py", "if status & FIFO_OFLOW_INT.mask:", "if False:", (RECOVERY,)),
+    Mutant("failed frames no gap", "source.py", "return self._lost(Loss.TRANSFER)", "return drain", (FIFO,)),
+    Mutant("overflow bit ignored", "drain.py", "int_status & FIFO_OFLOW_INT.mask or", "", (FIFO,)),
+    Mutant("full FIFO ignored", "drain.py", "or fifo_count >= fifo_bytes", "", (FIFO,)),
+    Mutant("odd bytes ignored", "drain.py", "if fifo_count % FRAME_BYTES:", "if False:", (FIFO,)),
+    Mutant("near full ignored", "drain.py", "if fifo_count >= fifo_bytes - GUARD_FRAMES * FRAME_BYTES:", "if False:", (FIFO,)),
+    Mutant("temperature rule off", "plausible.py", "> TEMP_JUMP", "> 99999", (RECOVERY, TELLS)),
+    Mutant("alike rule off", "plausible.py", "np.flatnonzero(jumps | alike)", "np.flatnonzero(jumps)", (RECOVERY, TELLS)),
+    Mutant("stuck rule off", "decoder.py", "if alike >= self._stuck_after:", "if False:", (RECOVERY,)),
+    Mutant("gap flag dropped", "decoder.py", "flags[0] |= s.pending", "pass", (FIFO,)),
+    Mutant("time not advanced over a gap", "decoder.py", "taken += lost", "pass", (RECOVERY, TIMES), "jump or gap"),
+    Mutant("gap has no length", "decoder.py", "gap_ns[0] = round(lost", "gap_ns[0] = round(0 * lost", (FIFO,)),
+    Mutant("surprising count believed", "decoder.py", "if self._surprising(drain):", "if False:", (RECOVERY,)),
+    Mutant("lost drain not told", "decoder.py", "if drain.seq != self._s.next_seq:", "if False:", (TIMES, "tests/recording")),
+    Mutant("spike rule off", "spikes.py", "if off > bound and", "if False and", (SPIKES,)),
+    Mutant("spike at the end not held", "spikes.py", "                held = k\n", "                held = len(rows)\n", (SPIKES,)),
+    Mutant("first after a gap believed", "spikes.py", "before, began = (), True", "before, began = (), False", (SPIKES, MATRIX), "brought or first"),
+    Mutant("spike leaves no gap", "spikes.py", "flags[k] |= np.uint32(owed_flags)", "pass", (SPIKES,)),
+    Mutant("slow count timed", "timebase.py", "return s.observations > 0 and after_ns", "return False and after_ns", (TIMES, TELLS)),
+    Mutant("rate out of bounds used", "timebase.py", "good = abs(fitted / self.nominal_ns - 1.0) <= BOUND", "good = True", (TIMES, TELLS)),
+    Mutant("WHO_AM_I read once", "startup.py", "if who_am_i != MPU6050.who_am_i and self.info is None:", "if False:", (START,)),
+    Mutant("exchanged chip driven on", "startup.py", "elif who_am_i != self.variant.who_am_i:", "elif False:", (RECOVERY,)),
+    Mutant("configuration not read back", "startup.py", "if not row.holds(self._chip.read(row.register))]", "if False]", (START,)),
+    Mutant("disturbed info believed", "startup.py", "if not self._is_as_written(read):", "if False:", (MATRIX, START), "0x75"),
+    Mutant("other chip reset again and again", "startup.py", "self._new_try() if self.info is None else self._go(Step.PROBE, 0)", "self._new_try()", (MATRIX,), "swapped"),
+    Mutant("no end of tries", "startup.py", "or self._tries < MAX_TRIES", "or True", (START,)),
+)  # fmt: skip
+
+
+def killed_by(mutant: Mutant, tree: Path) -> str:
+    """The test that notices, "" where none does. Raises ValueError where the rule is not found."""
+    file = tree / DRIVER / mutant.file
+    text = file.read_text()
+    if mutant.line not in text:
+        raise ValueError(f"'{mutant.line}' is not in {mutant.file}: the table is out of date")
+    file.write_text(text.replace(mutant.line, mutant.broken))
+    try:
+        command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", *mutant.tests]
+        command += ["-k", mutant.only] if mutant.only else []
+        env = {**os.environ, "PYTHONPATH": f"{tree / 'src'}:{tree}", "PYTHONDONTWRITEBYTECODE": "1"}
+        run = subprocess.run(command, cwd=tree, env=env, capture_output=True, text=True, check=False)
+    finally:
+        file.write_text(text)
+    found = re.search(r"^(?:FAILED|ERROR) (\S+)", run.stdout, re.MULTILINE)
+    return found[1] if found else "" if run.returncode in (0, 5) else run.stdout[-200:]
+
+
+def main() -> int:
+    wanted = sys.argv[1:]
+    survivors = []
+    with tempfile.TemporaryDirectory() as folder:
+        tree = Path(folder) / "tree"
+        shutil.copytree(ROOT, tree, ignore=shutil.ignore_patterns(".git", ".venv", "__pycache__", "*.egg-info"))
+        for mutant in MUTANTS:
+            if wanted and not any(word in mutant.name for word in wanted):
+                continue
+            test = killed_by(mutant, tree)
+            print(f"| {mutant.name} | {mutant.file} | {test or '**survived**'} |", flush=True)
+            if not test:
+                survivors.append(mutant.name)
+    print(f"{len(survivors)} survived: {', '.join(survivors) or 'none'}")
+    return 1 if survivors else 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
