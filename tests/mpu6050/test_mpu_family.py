@@ -208,6 +208,18 @@ def test_filter_register_upset_while_streaming_is_written_anew(relative):
     assert rig.health.registers_upset == 1
 
 
+@pytest.mark.parametrize(("register", "bits"), [(0x1A, 0x40), (0x1B, 0x01), (0x1B, 0x02), (0x6B, 0x10)])
+def test_bit_that_only_the_6500_class_has_is_noticed_when_it_is_upset(register, bits):
+    """FIFO_MODE, FCHOICE_B round the filter, gyroscopes in standby: in an MPU-6050 these bits are reserved."""
+    rig = Rig(personality=fakes.MPU6500).start()
+    rig.run(0.5)
+    held = rig.chip.registers[register]
+    rig.wr(register, held | bits)
+    rig.run(1.0)
+    assert rig.chip.registers[register] == held
+    assert rig.health.registers_upset >= 1
+
+
 def test_dlpf_0_is_refused_where_the_divider_would_not_divide(relative):
     """8000 samples a second come then, whatever SMPLRT_DIV says (RM9250 register 25)."""
     rig = Rig(config(1000, dlpf=0), personality=relative)
