@@ -369,5 +369,21 @@ def test_an_axis_that_fails_its_self_test_is_named() -> None:
     assert done["self-test"].advice.startswith("accel x does not respond at all")
 
 
+def test_a_host_too_slow_for_the_self_test_does_not_blame_the_board() -> None:
+    def slow(bus: FakeBus) -> None:
+        transfer = bus._transfer
+
+        def late(messages: Any) -> Any:
+            bus.clock.sleep_until_ns(bus.clock.now_ns() + 90_000_000)
+            return transfer(messages)
+
+        bus._transfer = late  # type: ignore[method-assign]
+
+    done = checked(prepare=slow)
+    assert done["self-test"].found == "could not be done"
+    assert done["registers"].figures["writes"] < 20
+    assert done.error is None
+
+
 def test_a_board_that_moves_is_not_put_to_its_self_test() -> None:
     assert "self-test" not in checked(chip(motion=Sway())).names
