@@ -13,6 +13,7 @@ from magnetometer_rig import ADDRESS, BOARDS, CHIPS, NAMES, NOISY, MagRig, new_s
 from hw_fakes import EarthField, Still, Turntable
 from quavelet.core.errors import BusError, ChipUnstable, DeviceLost, DeviceMissing, SettingsError
 from quavelet.mpu6050.config import ChipConfig
+from quavelet.mpu6050.magnetometer.bypass import BypassReader
 from quavelet.mpu6050.magnetometer.kinds import KINDS
 from quavelet.mpu6050.magnetometer.plan import MagnetometerConfig
 from quavelet.mpu6050.source import ChipSource
@@ -189,7 +190,7 @@ def test_one_axis_of_an_ak8975_at_its_end_is_flagged_though_the_sum_is_not_too_l
 def test_saturated_magnetometer_is_not_called_lost(name):
     rig = MagRig(name, strength_ut=20_000.0)
     reader = rig.bypass()
-    for _ in range(400):
+    for _ in range(1500):
         rig.wait_ms(10)
         sample = reader.read()
     assert sample.overflow
@@ -299,3 +300,36 @@ def test_magnetometer_is_read_beside_a_running_stream_and_after_its_chip_was_res
     assert new > 30
     assert np.allclose(new_samples(rig, reader, 20, every_ms=5).mean(axis=0), rig.true_ut(), atol=2.5)
     assert not rig.health.fifo_misaligned
+
+
+@pytest.mark.parametrize("name", ["mpu-9150", "mpu-9250"])
+@pytest.mark.parametrize("control", [0x00, 0x01, 0x06, 0x0F])
+def test_akm_is_given_its_time_in_power_down_whatever_it_did_before(name, control):
+    rig = MagRig(name)
+    found, config = rig.found(), rig.config()
+    rig.magnetometer.write(bytes([0x0A, control]))
+    rig.magnetometer.stop()
+    BypassReader(rig.access, found, config, clock=rig.clock, health=rig.health).set_up()
+    assert not rig.magnetometer.hasty_changes
+
+
+@pytest.mark.parametrize(("name", "part"), [("mpu-9150", 0.94), ("mpu-9250", 0.6)])
+def test_sum_of_the_axes_beyond_what_akm_can_measure_is_flagged_though_each_is_in_range(name, part):
+    axis = np.abs(MagRig(name, strength_ut=1.0).true_ut()).max()
+    (range_ut,) = LSB_UT[name]
+    rig = MagRig(name, strength_ut=range_ut * part / axis)
+    reader = rig.bypass()
+    rig.wait_ms(20)
+    assert reader.read().overflow
+
+
+def test_ak8963_that_fell_back_to_14_bits_is_not_read_at_a_quarter_of_the_field():
+    rig = MagRig("mpu-9250")
+    reader = rig.bypass()
+    new_samples(rig, reader, 2, every_ms=5)
+    for control in (0x00, 0x06):
+        rig.magnetometer.write(bytes([0x0A, control]))
+        rig.magnetometer.stop()
+        rig.wait_ms(1)
+    with pytest.raises(ChipUnstable, match="settings"):
+        new_samples(rig, reader, 3, every_ms=5)

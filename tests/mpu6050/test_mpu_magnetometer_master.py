@@ -174,7 +174,7 @@ def test_stuck_data_are_told_of_and_a_saturated_magnetometer_is_not_called_lost(
     rig = MagRig(name, strength_ut=20_000.0)
     reader = rig.master()
     seen = []
-    for _ in range(300):
+    for _ in range(1500):
         rig.wait_ms(10)
         seen.append(reader.read())
     assert all(sample.overflow for sample in seen[10:])
@@ -279,3 +279,19 @@ def test_bytes_that_are_no_whole_frames_are_refused(external):
 
 def test_without_a_magnetometer_a_frame_is_the_sensors():
     assert fifo_frame_bytes(None) == 14
+
+
+@pytest.mark.parametrize("name", BOARDS)
+def test_slaves_that_another_program_left_on_do_not_come_into_the_data(name):
+    rig = MagRig(name)
+    found, config = rig.found(), rig.config()
+    for n in range(4):
+        rig.bus.write(0x68, bytes([0x25 + 3 * n, 0x80 | 0x55, 0x00, 0x85]))
+    rig.bus.write(0x68, b"\x6a\x20")
+    rig.wait_ms(50)
+    reader = MasterReader(rig.access, found, config, clock=rig.clock, health=rig.health)
+    reader.set_up()
+    rig.wait_ms(100)
+    field_ut = reader.read().field_ut
+    assert np.abs(field_ut - rig.true_ut()).max() <= 0.2
+    assert not rig.chip.registers[0x37] & 0x02
