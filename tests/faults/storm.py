@@ -214,6 +214,9 @@ def _compared(out: Outcome, block: RawBlock, known: Known, last: int | None, fau
         number = known.frames.get(frame)
         if last is not None and known.by_number.get(last + 1) == frame:
             number = last + 1
+        if number is not None and number == last:
+            last = None
+            continue
         if number is None:
             if not flagged[k]:
                 out.wrong.append(_how_wrong(block, rows[k], k, known, last, faults))

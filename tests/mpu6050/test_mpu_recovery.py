@@ -198,3 +198,33 @@ def test_time_or_numbers_jump_where_the_chip_was_brought_back():
     assert rig.health.gaps == 3
     lost = np.diff(rig.numbers) - 1
     assert abs(rig.health.samples_lost - lost.sum()) <= 6
+
+
+def test_register_that_is_only_misread_costs_the_fifo():
+    """Two looks in a row are disturbed, the chip is well."""
+    rig = running()
+    struck(rig, "flip register=0x1b bit=3 n=2", seconds=0.5)
+    assert rig.health.registers_upset == rig.health.gaps == 0
+    assert (np.diff(check_honest(rig)) == 1).all()
+
+
+def test_chip_that_took_the_others_place_with_the_same_registers_is_read_on():
+    rig = running()
+    rig.bus.alter = lambda _k, t, answer: b"\x70" if t.register == 0x75 and t.n == 1 else answer
+    with pytest.raises(DeviceLost, match=r"reads 0x70.*exchanged"):
+        rig.run(1.0)
+
+
+def test_reset_of_the_fifo_that_failed_half_way_costs_a_reset_of_the_chip():
+    """The sensors are off the FIFO then: it must be begun anew before the registers are looked at."""
+    rig = running()
+    spoilt: list[int] = []
+    rig.bus.spoil = lambda k, t: (
+        t.register == 0x23 and t.written == b"\xf8" and len(spoilt) < 3 and not spoilt.append(k)
+    )
+    rig.drain(2000)
+    rig.run(1.0)
+    assert len(spoilt) == 3
+    check_honest(rig)
+    assert rig.health.chip_restarts == rig.health.registers_upset == 0
+    assert rig.health.gaps == 1

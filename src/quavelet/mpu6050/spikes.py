@@ -60,7 +60,7 @@ class SpikeRule:
     A sample that jumps at the end of a block is held back until the next block shows whether it stands alone. The first
     four after a gap wait until there are five to be compared: none before says what they should be, and by the first
     the attitude is carried over the gap. Nothing else is ever delayed. Where a gap comes next nothing will show it, and
-    a sample that jumped is thrown away.
+    a sample that jumped is thrown away, as is one between two gaps.
     """
 
     def __init__(self, info: StreamInfo, *, health: Health) -> None:
@@ -106,8 +106,8 @@ class SpikeRule:
             if len(around) < AROUND and end == len(rows) and (stands_alone(row, before, bounds) if sure else began):
                 held = k
                 break
-            # Before another gap there may be too few to tell.
-            if (sure or began) and around and stands_alone(row, around, bounds):
+            # A sample between two gaps has nothing that speaks for it.
+            if (sure or began) and (not around or stands_alone(row, around, bounds)):
                 owed_ns += round(float(block.period_s[k]) * NS_PER_S) + int(gap_ns[k])
                 owed_flags |= int(flags[k]) & ~_OF_THE_SAMPLE | Flag.GAP | Flag.IMPLAUSIBLE
                 self._health.gaps -= bool(flags[k] & Flag.GAP)
