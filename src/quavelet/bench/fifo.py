@@ -13,8 +13,8 @@ from quavelet.mpu6050.measuring import stop_fifo
 from quavelet.mpu6050.variants import Variant
 
 FILL_NS = 450 * NS_PER_MS
-"""The family's largest, 4096 bytes (RM9250 register 29), is 293 frames: so many ms at 1 kHz, an oscillator that is off by 5 %, and some more. With the widest
-filter the divider takes 8 kHz, and it is sooner."""
+"""The family's largest, 4096 bytes (RM9250 register 29), is 293 frames: so many ms at 1 kHz, and more for a host and an
+oscillator that are slow. With the widest filter the divider takes 8 kHz, and it is sooner."""
 
 
 def overflow(bus: I2CBus, *, address: int, variant: Variant, clock: Clock) -> Finding:
