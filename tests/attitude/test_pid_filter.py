@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from quavelet.attitude.doubt import YAW_MAX_RAD, Residual
+from quavelet.attitude.kernel import up_in_body
 from quavelet.attitude.pid import PidFilter, PidParams
 from quavelet.core.blocks import Flag, ImuBlock
 from quavelet.core.errors import SettingsError
@@ -89,6 +90,21 @@ def test_a_gap_is_bridged_at_the_rate_before_and_after_it():
     out = PidFilter(PLAIN, residual=RESIDUAL).process(with_gap(block(rates, forces), 400, 450))
     assert np.degrees(np.unwrap(to_euler(out.q)[:, 2]))[-1] == pytest.approx(30.0 * 11.99, abs=1e-6)
     assert not (out.flags[1000:] & Flag.SETTLING).any()
+
+
+def test_a_rate_held_through_an_outage_turns_the_board_over():
+    """Five seconds at 90 deg/s are more than a turn; gravity at the end says how the board stands, yaw is doubted."""
+    n = 2000
+    rates, forces = np.zeros((n, 3)), np.zeros((n, 3))
+    rates[:600, 0] = np.radians(90.0)
+    angle = np.cumsum(rates[:, 0]) * 0.01
+    forces[:, 1], forces[:, 2] = np.sin(angle) * 9.81, np.cos(angle) * 9.81
+    rates[1100:, 0] = 0.0
+    out = PidFilter(PLAIN, residual=RESIDUAL).process(with_gap(block(rates, forces), 590, 1100))
+    up = np.array([up_in_body(tuple(q)) for q in out.q[590:].tolist()])
+    measured = forces[1100:] / np.linalg.norm(forces[1100:], axis=1)[:, None]
+    assert np.degrees(np.arccos(np.clip((up * measured).sum(1), -1, 1))).max() < 2.0
+    assert np.degrees(out.sigma_rad[-1, 2]) > 90.0
 
 
 def test_a_gap_with_a_change_of_rate_makes_yaw_less_sure_for_good_and_tilt_for_a_while():

@@ -81,10 +81,11 @@ def after_step(doubt: Doubt, error: Vector, turn_rad_s: float, drift_rad_s: floa
     )
 
 
-def after_gap(doubt: Doubt, change: Vector, gap_s: float) -> Doubt:
-    """A gap was bridged by the mean of two rates that differ by `change`: wrong by half of it at worst."""
+def after_gap(doubt: Doubt, change: Vector, gap_s: float, *, unheld: float) -> Doubt:
+    """A gap was bridged by the mean of two rates that differ by `change`: wrong by half of it at worst, and by the
+    angle `unheld` in rad where the mean was not held to its end."""
     x, y, z = change
-    ms = 0.25 * (x * x + y * y + z * z) * gap_s * gap_s
+    ms = 0.25 * (x * x + y * y + z * z) * gap_s * gap_s + unheld * unheld
     return replace(doubt, gap_ms=doubt.gap_ms + ms, yaw_ms=doubt.yaw_ms + ms)
 
 

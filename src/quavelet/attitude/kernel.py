@@ -92,6 +92,17 @@ def tilt_error(q: Quaternion, force: Vector) -> Vector:
     return cross((fx * r, fy * r, fz * r), up_in_body(q))
 
 
+def levelled(q: Quaternion, force: Vector) -> Quaternion:
+    """`q` turned by the smallest rotation that brings its up to the measured one: as it would be at rest."""
+    x, y, z = force
+    up, (ex, ey, ez) = up_in_body(q), tilt_error(q, force)
+    sine, cosine = sqrt(ex * ex + ey * ey + ez * ez), (up[0] * x + up[1] * y + up[2] * z)
+    if sine == 0.0:  # already there, without a direction, or upside down, where every direction is the smallest
+        return q
+    angle = atan2(sine * sqrt(x * x + y * y + z * z), cosine) / sine
+    return step(q, (ex * angle, ey * angle, ez * angle), 1.0, "exp")
+
+
 def standing(force: Vector) -> Quaternion:
     """The attitude of a board at rest on which `force` is measured: roll and pitch from it, yaw zero.
 

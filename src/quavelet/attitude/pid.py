@@ -8,7 +8,8 @@ ways through a sample:
     acquire   bias unknown, or a long gap just passed: strong gains, SETTLING until gravity agrees
     track     the gains asked for
 
-A gap is bridged by holding the mean of the rates before and after it; what that may cost goes into sigma. While the
+A gap is bridged by holding the mean of the rates before and after it, and where it was long the accelerometer is the
+tilt once more; what that may cost goes into sigma. While the
 chip is stuck the attitude stands and is not to be trusted, and what comes after that is a gap as long.
 """
 
@@ -16,7 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from math import sqrt
+from math import hypot, sqrt
 
 import msgspec
 import numpy as np
@@ -29,6 +30,7 @@ from quavelet.attitude.kernel import (
     Method,
     Quaternion,
     Vector,
+    levelled,
     standing,
     step,
     tilt_error,
@@ -42,6 +44,8 @@ from quavelet.core.units import NS_PER_S
 
 LONG_GAP_S = 0.25
 """After a longer gap nobody knows what the board did in it: gravity has to say."""
+HOLD_S = 1.0
+"""A rate that is held for longer turns the board any number of times: from here on it is doubt."""
 
 
 class PidParams(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -233,10 +237,13 @@ def _bridged(s: PidState, sample: _Sample, *, gap_s: float) -> PidState:
     change = (sample.rate[0] - last[0], sample.rate[1] - last[1], sample.rate[2] - last[2])
     ix, iy, iz = s.correction.integral_rad_s
     held = (last[0] + 0.5 * change[0] + ix, last[1] + 0.5 * change[1] + iy, last[2] + 0.5 * change[2] + iz)
-    s = replace(s, q=step(s.q, held, gap_s, "exp"), doubt=after_gap(s.doubt, change, gap_s), stuck_s=0.0)
+    held_s = min(gap_s, HOLD_S)
+    q = step(s.q, held, held_s, "exp")
+    s = replace(s, q=q, doubt=after_gap(s.doubt, change, gap_s, unheld=hypot(*held) * (gap_s - held_s)), stuck_s=0.0)
     if gap_s <= LONG_GAP_S:
         return s
-    return replace(s, settling=restarted(bias_known=s.bias is not None, after_gap=True))
+    settling = restarted(bias_known=s.bias is not None, after_gap=True)
+    return replace(s, q=levelled(q, sample.force), settling=settling)
 
 
 def _levelled(s: PidState, sample: _Sample, drift_rad_s: float) -> PidState:
