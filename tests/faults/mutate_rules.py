@@ -55,7 +55,7 @@ MUTANTS = (
     Mutant("hunger asks no register", "source.py", "if empty_ns > patience_ns // 2 and", "if False and", (MATRIX,), "0x23"),
     Mutant("stuck chip not reset", "source.py", "if stuck_s > STUCK_S and", "if False and", (RECOVERY,)),
     Mutant("never lost", "source.py", "if silent_ns > self._lost_ns:", "if False:", (FIFO, RECOVERY)),
-    Mutant("overflow after the count", "source.py", "if status & FIFO_OFLOW_INT.mask:", "if False:", (RECOVERY,)),
+    Mutant("overflow after the count", "source.py", "if new * FRAME_BYTES >= room else 0", "if False else 0", (RECOVERY,)),
     Mutant("failed frames no gap", "source.py", "return self._lost(Loss.TRANSFER)", "return drain", (FIFO,)),
     Mutant("overflow bit ignored", "drain.py", "int_status & FIFO_OFLOW_INT.mask or", "", (FIFO,)),
     Mutant("full FIFO ignored", "drain.py", "or fifo_count >= fifo_bytes", "", (FIFO,)),
