@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from chip_rig import Rig, Transfer, check_honest, config
@@ -11,7 +13,7 @@ from hypothesis import strategies as st
 from quavelet.core.blocks import Flag, RawBlock, array_fields
 from quavelet.core.health import Health
 from quavelet.core.units import NS_PER_MS, NS_PER_S
-from quavelet.mpu6050.decoder import Decoder
+from quavelet.mpu6050.decoder import Decoder, DecoderState
 from quavelet.mpu6050.drain import Drain
 from quavelet.mpu6050.source import ChipSource
 
@@ -177,6 +179,10 @@ def same(a: RawBlock, b: RawBlock) -> bool:
     return all(np.array_equal(getattr(a, name), getattr(b, name)) for name in array_fields(RawBlock))
 
 
+def without_held(state: DecoderState) -> DecoderState:
+    return replace(state, spikes=replace(state.spikes, held=None))
+
+
 @given(seed=st.integers(0, 50), cut=st.integers(0, 400))
 @settings(max_examples=25, deadline=None)
 def test_decoder_restored_at_any_point_goes_on_bit_for_bit(seed, cut):
@@ -188,7 +194,11 @@ def test_decoder_restored_at_any_point_goes_on_bit_for_bit(seed, cut):
     after.restore(before.state())
     for drain, live in zip(drains[cut:], rig.blocks[cut:], strict=True):
         assert same(after.decode(drain), live)
-    assert rig.source.decoder is not None and after.state() == rig.source.decoder.state()
+    assert rig.source.decoder is not None
+    one, other = after.state(), rig.source.decoder.state()
+    held, also_held = one.spikes.held, other.spikes.held  # arrays, which do not compare as a whole
+    assert held is also_held is None or (held and also_held and same(held, also_held))
+    assert without_held(one) == without_held(other)
 
 
 def test_drains_that_got_lost_from_a_recording_are_a_gap():
