@@ -121,6 +121,8 @@ class Decoder:
         # After a gap the temperature has nothing to compare with: a chip with a wrong one would be stopped for ever.
         known = bool(self._s.last_frame) and not self._s.pending
         good = first_implausible(counts, temp_before=self._s.last_frame[3] if known else None)
+        if good < len(counts):
+            good = max(0, good - 1)  # what spoilt a temperature may have begun behind that of the frame before
         block = self._timed(counts[:good], drain, whole=good == len(counts)) if good else empty_raw_block(self._scale)
         if good < len(counts):
             self._health.frames_implausible += len(counts) - good
