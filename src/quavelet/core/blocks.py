@@ -80,8 +80,8 @@ class Block:
     def __len__(self) -> int:
         return len(self.t_ns)
 
-    def __getitem__(self, rows: slice) -> Self:
-        """The block of these rows (views, nothing is copied)."""
+    def __getitem__(self, rows: slice | list[int]) -> Self:
+        """The block of these rows: views of a slice, copies of numbered rows."""
         arrays = array_fields(type(self))
         return type(self)(
             **{f.name: getattr(self, f.name)[rows] if f.name in arrays else getattr(self, f.name)

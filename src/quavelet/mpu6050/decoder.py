@@ -167,7 +167,7 @@ class Decoder:
             self._health.gaps += 1
         first = taken + 1
         taken += n
-        if slow or not vague or not doubtful:
+        if slow or not doubtful:
             self._observe(taken, drain)
         if not base.sure:
             flags |= np.uint32(Flag.CLOCK_UNSURE)

@@ -8,6 +8,8 @@ from quavelet.core.blocks import CountArray
 
 TEMP_JUMP = 680
 """Counts, 2 degC: no die warms by that from one frame to the next, but a frame read from the wrong byte shows it."""
+AXES = [0, 1, 2, 4, 5, 6]
+"""The words of a frame that are axes: all but the temperature."""
 SAME_FRAMES = 10
 SAME_NS = 80_000_000
 """So many frames, and so long, may be alike. At the narrowest filter and the widest ranges the accelerometer's noise is
@@ -31,6 +33,6 @@ def first_implausible(counts: CountArray, *, temp_before: int | None) -> int:
 
 def same_as_before(counts: CountArray, before: tuple[int, ...]) -> list[bool]:
     """For each frame (N, 7), whether all six axes stand as in the one before it; `before` is the first one's, or ()."""
-    axes = np.delete(counts, 3, axis=1)
-    first = bool(before) and axes[0].tolist() == [*before[:3], *before[4:]]
+    axes = counts[:, AXES]
+    first = bool(before) and axes[0].tolist() == [before[word] for word in AXES]
     return [first, *(axes[1:] == axes[:-1]).all(axis=1).tolist()]

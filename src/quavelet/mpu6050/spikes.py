@@ -16,6 +16,7 @@ from quavelet.core.health import Health
 from quavelet.core.units import NS_PER_S
 from quavelet.mpu6050 import registers as r
 from quavelet.mpu6050.config import ACCEL_LSB_PER_G, GYRO_BANDWIDTH_HZ, GYRO_LSB_PER_DPS
+from quavelet.mpu6050.plausible import AXES
 from quavelet.mpu6050.stream import StreamInfo
 
 BANDWIDTH_PER_RATE = 0.23
@@ -30,7 +31,6 @@ BEFORE = 3
 """Samples before it that it is compared with; after it, one."""
 AROUND = BEFORE + 1
 _OF_THE_SAMPLE = Flag.GYRO_CLIPPED | Flag.ACCEL_CLIPPED | Flag.CLOCK_UNSURE | Flag.STUCK
-_AXES = [0, 1, 2, 4, 5, 6]
 
 Axes = tuple[int, ...]
 """The six axes of a frame."""
@@ -79,7 +79,7 @@ class SpikeRule:
             return block
         s, bounds = self._s, self._bounds
         if not s.began and s.held is None and not s.owed_flags and not block.flags[0] & Flag.GAP:
-            axes = block.counts[:, _AXES].astype(np.int64)
+            axes = block.counts[:, AXES].astype(np.int64)
             before = s.before[-1] if s.before else axes[0]
             if not (np.abs(np.diff(axes, axis=0, prepend=[before])) > bounds).any():
                 last = tuple(tuple(row) for row in axes[-BEFORE:].tolist())
@@ -91,10 +91,11 @@ class SpikeRule:
         s, old = self._s, 0 if self._s.held is None else len(self._s.held)
         if s.held is not None:
             block = concat([s.held, block])
-        rows: list[Axes] = [tuple(row) for row in block.counts[:, _AXES].tolist()]
+        rows: list[Axes] = [tuple(row) for row in block.counts[:, AXES].tolist()]
         # A gap comes with the first row of a block; that of the rows held back was seen when they were new.
         gap_at = old if block.flags[old] & Flag.GAP else None
-        before, began, owed_ns, owed_flags, kept = s.before, s.began, s.owed_ns, s.owed_flags, []
+        before, began, owed_ns, owed_flags = s.before, s.began, s.owed_ns, s.owed_flags
+        kept: list[int] = []
         flags, gap_ns = block.flags.copy(), block.gap_ns.copy()
         held = len(rows)
         for k, row in enumerate(rows):
@@ -124,7 +125,7 @@ class SpikeRule:
             began = began and len(before) < BEFORE
         marked = replace(block, flags=flags, gap_ns=gap_ns)
         self._s = SpikeState(before, began, marked[held:] if held < len(rows) else None, owed_ns, owed_flags)
-        return _rows(marked, kept)
+        return marked[kept]
 
 
 def spike_bounds(info: StreamInfo) -> NDArray[np.int64] | None:
@@ -149,17 +150,6 @@ def stands_alone(row: Axes, others: tuple[Axes, ...], bounds: NDArray[np.int64])
 
 def spikes_in(counts: CountArray, bounds: NDArray[np.int64]) -> int:
     """How many of the frames (N, 7), one after the other without a gap, stand alone."""
-    rows: list[Axes] = [tuple(row) for row in counts[:, _AXES].tolist()]
+    rows: list[Axes] = [tuple(row) for row in counts[:, AXES].tolist()]
     around = ((k, (*rows[k - BEFORE : k], rows[k + 1])) for k in range(BEFORE, len(rows) - 1))
     return sum(stands_alone(rows[k], others, bounds) for k, others in around)
-
-
-def _rows(block: RawBlock, kept: list[int]) -> RawBlock:
-    return RawBlock(
-        t_ns=block.t_ns[kept],
-        period_s=block.period_s[kept],
-        gap_ns=block.gap_ns[kept],
-        flags=block.flags[kept],
-        counts=block.counts[kept],
-        scale=block.scale,
-    )
