@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Self
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 
 from hw_fakes.chip.samples import CountArray, Run
 from hw_fakes.chip.setup import Setup
+from hw_fakes.world.npz_file import arrays_in
 from quavelet.core.errors import SettingsError
 from quavelet.core.units import NS_PER_S
 
@@ -56,14 +56,7 @@ class RecordedCounts:
 
         Raises SettingsError, naming the file, where it cannot be read or lacks something.
         """
-        try:
-            # Opened here, since numpy leaves a file open that turns out to be damaged.
-            with Path(path).open("rb") as opened, np.load(opened, allow_pickle=False) as file:
-                arrays = {name: np.asarray(file[name]) for name in file.files}
-        except FileNotFoundError:
-            raise SettingsError(f"there is no recording {path}: check the name after fake:counts:") from None
-        except (OSError, EOFError, ValueError, AttributeError, TypeError, zipfile.BadZipFile) as error:
-            raise SettingsError(f"{path} is not an npz file that can be read ({error}): give another") from error
+        arrays = arrays_in(path, named_after="fake:counts:")
         acc, gyr, temp = (_words(arrays, name, path) for name in ("acc", "gyr", "temp"))
         if not len(acc) == len(gyr) == len(temp) > 0:
             raise SettingsError(f"acc, gyr and temp in {path} are not of one length above 0: record it anew")

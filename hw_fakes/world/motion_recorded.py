@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hw_fakes.world.motion_base import Body, FloatArray, to_body
+from hw_fakes.world.npz_file import arrays_in
 from quavelet.core.errors import SettingsError
 from quavelet.core.quaternion import conjugate, from_rotation_vector, multiply
 from quavelet.core.units import STANDARD_GRAVITY_M_S2
@@ -84,7 +84,7 @@ def load_motion(path: str | Path) -> RecordedMotion:
     Without q_ref the board begins at heading 0, tilted as the first quarter of a second of acc says. Raises
     SettingsError, naming the file, where it cannot be read, lacks something or holds no motion.
     """
-    arrays = _arrays(path)
+    arrays = arrays_in(path, named_after="motion:")
     gyro = _vectors(arrays, "gyr", path) * _number(arrays, "gyr_scale", path)
     accel = _vectors(arrays, "acc", path) * _number(arrays, "acc_scale", path)
     fs_hz = _number(arrays, "fs", path)
@@ -143,17 +143,6 @@ def _turned(p: FloatArray, q: FloatArray, part: FloatArray) -> FloatArray:
 def _mixed(values: FloatArray, row: NDArray[np.int64], part: FloatArray) -> FloatArray:
     mixed: FloatArray = values[row] + part[:, None] * (values[row + 1] - values[row])
     return mixed
-
-
-def _arrays(path: str | Path) -> dict[str, NDArray[Any]]:
-    try:
-        # Opened here, since numpy leaves a file open that turns out to be damaged.
-        with Path(path).open("rb") as opened, np.load(opened, allow_pickle=False) as file:
-            return {name: np.asarray(file[name]) for name in file.files}
-    except FileNotFoundError:
-        raise SettingsError(f"there is no recording {path}: check the name after motion:") from None
-    except (OSError, EOFError, ValueError, AttributeError, TypeError, zipfile.BadZipFile) as error:
-        raise SettingsError(f"{path} is not an npz file that can be read ({error}): give another") from error
 
 
 def _numbers(arrays: Mapping[str, NDArray[Any]], name: str, path: str | Path) -> FloatArray:

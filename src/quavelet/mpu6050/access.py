@@ -12,7 +12,7 @@ from quavelet.core.errors import BusError
 from quavelet.core.health import Health
 from quavelet.core.units import NS_PER_MS
 from quavelet.mpu6050 import registers as r
-from quavelet.mpu6050.config import RegisterBits
+from quavelet.mpu6050.registers import RegisterBits
 from quavelet.mpu6050.stream import StreamInfo
 
 TRIES = 3

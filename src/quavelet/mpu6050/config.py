@@ -7,7 +7,7 @@ import msgspec
 from quavelet.core.errors import SettingsError
 from quavelet.mpu6050 import registers as r
 from quavelet.mpu6050.offset_plan import OffsetPlan
-from quavelet.mpu6050.registers import RegisterBits as RegisterBits
+from quavelet.mpu6050.registers import RegisterBits
 from quavelet.mpu6050.variants import Variant
 
 GYRO_LSB_PER_DPS: dict[int, float] = {250: 131.0, 500: 65.5, 1000: 32.8, 2000: 16.4}

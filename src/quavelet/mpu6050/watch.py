@@ -10,7 +10,7 @@ from quavelet.core.health import Health
 from quavelet.core.units import NS_PER_MS
 from quavelet.mpu6050 import registers as r
 from quavelet.mpu6050.access import RegisterAccess
-from quavelet.mpu6050.config import RegisterBits
+from quavelet.mpu6050.registers import RegisterBits
 
 CHECK_NS = 50 * NS_PER_MS
 """A check is two short bursts: by turns that of rate, filters and ranges, and that of FIFO and power, each thus every

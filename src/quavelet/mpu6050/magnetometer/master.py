@@ -13,12 +13,12 @@ from quavelet.core.health import Health
 from quavelet.core.units import NS_PER_MS, NS_PER_S
 from quavelet.mpu6050 import registers as r
 from quavelet.mpu6050.access import RegisterAccess
-from quavelet.mpu6050.config import RegisterBits
 from quavelet.mpu6050.magnetometer import aux_registers as aux
 from quavelet.mpu6050.magnetometer.bypass import prepared
 from quavelet.mpu6050.magnetometer.identify import FoundMagnetometer
 from quavelet.mpu6050.magnetometer.plan import MagnetometerConfig, Plan
 from quavelet.mpu6050.magnetometer.samples import MagSample, Sampler
+from quavelet.mpu6050.registers import RegisterBits
 
 _LATE = 0.05
 """How much faster than its nominal rate the chip may sample, without its gyroscope's clock (PS 6.6)."""
