@@ -1,0 +1,1 @@
+"""Taking noise out of a signal: wavelets, thresholds, medians, least squares."""

@@ -1,0 +1,1 @@
+"""The five papers and any recording, worked through offline: tables, plots, verdicts."""
