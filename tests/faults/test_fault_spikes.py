@@ -10,12 +10,12 @@ import pytest
 from chip_rig import ADDRESS, Rig, config
 
 from hw_fakes import NOISE_ONLY, TYPICAL, Drone, Sway, Tilt, Turntable, Walk
-from quavelet.core.blocks import Flag, concat
+from quavelet.core.blocks import Flag, RawBlock, Scale, concat
 from quavelet.core.health import Health
 from quavelet.mpu6050.decoder import Decoder
 from quavelet.mpu6050.drain import Drain
 from quavelet.mpu6050.source import ChipSource
-from quavelet.mpu6050.spikes import BANDWIDTH_PER_RATE, spike_bounds, spikes_in
+from quavelet.mpu6050.spikes import BANDWIDTH_PER_RATE, SpikeRule, spike_bounds
 
 RECORDINGS = Path(__file__).resolve().parents[3] / "shared" / "recordings"
 FLIPPED_GYRO_BITS = [12, 13, 14, 15]
@@ -83,6 +83,31 @@ def test_memory_of_the_rule_is_not_in_the_decoders_state(tilt):
             assert np.array_equal(getattr(got, name), getattr(whole, name)), (cut, name)
 
 
+@pytest.mark.parametrize("axis", [4, 5, 6])
+def test_noise_that_spoils_the_last_two_frames_of_a_transfer_vouches_for_the_first(tilt, axis):
+    rig, drains = tilt
+    good, _ = decoded(rig, drains)
+    at = next(k for k in range(len(drains) // 2, len(drains)) if len(drains[k].data) == 28)
+    words = np.frombuffer(drains[at].data, ">i2").copy()
+    words[axis] = 18000
+    words[7:] = [-26543, -7322, -13882, words[10], -23632, 5907, -6133]
+    got, health = decoded(rig, [*drains[:at], replace(drains[at], data=words.tobytes()), *drains[at + 1 :]])
+    assert health.spikes == 2
+    (gap,) = np.flatnonzero(got.flags & Flag.GAP)
+    assert np.array_equal(got.t_ns, np.delete(good.t_ns, [gap, gap + 1]))
+    assert got.gap_ns[gap] == pytest.approx(good.t_ns[gap + 2] - good.t_ns[gap], rel=0.1)
+
+
+def test_first_samples_of_a_stream_are_taken_as_they_come(tilt):
+    rig, drains = tilt
+    good, _ = decoded(rig, drains)
+    at = next(k for k, d in enumerate(drains) if d.data)
+    got, health = decoded(rig, flipped(drains, at, 0, 5, 14))
+    assert health.spikes == 1
+    assert np.array_equal(got.counts, good.counts[1:])
+    assert got.flags[0] & Flag.IMPLAUSIBLE
+
+
 def test_jump_that_stays_is_taken_for_a_spike_or_waits_for_ever(tilt):
     """A step through the filter would not look so, but what does not stand alone is the board's."""
     rig, drains = tilt
@@ -148,8 +173,19 @@ def test_hands_and_motors_are_taken_for_spikes():
         counts = np.column_stack([acc, np.zeros(len(acc)), gyr]).astype(np.int64)
         lsb_per_g, lsb_per_dps = (100.0, 16.4) if second else (4096.0, 131.0)
         bounds = np.array([0.5 * lsb_per_g] * 3 + [0.3 * 99.5 * lsb_per_dps] * 3).astype(np.int64)
-        found[file.stem] = spikes_in(counts, bounds)
-        total += len(counts)
+        health, n = Health(), len(counts)
+        SpikeRule(bounds, health=health).process(
+            RawBlock(
+                t_ns=np.arange(n, dtype=np.int64),
+                period_s=np.full(n, 0.01),
+                gap_ns=np.zeros(n, dtype=np.int64),
+                flags=np.zeros(n, dtype=np.uint32),
+                counts=counts.astype(np.int16),
+                scale=Scale(1.0, 1.0, 1.0, 0.0),
+            )
+        )
+        found[file.stem] = health.spikes
+        total += n
     print(
         f"\n{sum(found.values())} spikes in {total} samples of real boards: { {k: v for k, v in found.items() if v} }"
     )

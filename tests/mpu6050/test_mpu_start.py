@@ -70,7 +70,7 @@ START_UP: list[Write | WriteRead] = [
     read(0x3A, "01"),
     write(0x23, 0xF8),
 ]
-FIRST_DRAIN = [read(0x3A, "01"), read(0x72, "00 1c"), read(0x74, bytes(range(14)).hex() * 2)]
+FIRST_DRAIN = [read(0x3A, "01"), read(0x72, "00 46"), read(0x74, bytes(range(14)).hex() * 5)]
 
 
 def test_start_up_is_these_transactions_and_no_others():
@@ -79,7 +79,7 @@ def test_start_up_is_these_transactions_and_no_others():
         source = ChipSource(bus, address=ADDRESS, config=config(), clock=clock, health=Health())
         source.wait_until_streaming()
         clock.advance_ns(10 * NS_PER_MS)
-        assert len(source.read()) == 2
+        assert len(source.read()) == 5
 
 
 def test_stranger_at_the_address_is_never_written_to():

@@ -12,7 +12,7 @@ from quavelet.core.units import NS_PER_S
 from quavelet.mpu6050.drain import Drain, Loss, Verdict, judge
 from quavelet.mpu6050.plausible import SAME_FRAMES, SAME_NS, first_implausible, same_as_before
 from quavelet.mpu6050.registers import FRAME_BYTES
-from quavelet.mpu6050.spikes import SpikeRule, SpikeState
+from quavelet.mpu6050.spikes import SpikeRule, SpikeState, spike_bounds
 from quavelet.mpu6050.stream import StreamInfo
 from quavelet.mpu6050.timebase import TimeBase, TimeBaseState
 
@@ -70,7 +70,7 @@ class Decoder:
         self._health = health
         self._timebase = TimeBase(nominal_period_s=info.nominal_period_s)
         self._stuck_after = max(SAME_FRAMES, round(SAME_NS / self._timebase.nominal_ns))
-        self._spikes = SpikeRule(info, health=health)
+        self._spikes = SpikeRule(spike_bounds(info), health=health)
         self._s = DecoderState(timebase=self._timebase.state())
 
     def state(self) -> DecoderState:
@@ -167,7 +167,8 @@ class Decoder:
             self._health.gaps += 1
         first = taken + 1
         taken += n
-        if slow or not doubtful:
+        # Of a drain believed in part the count holds samples that are not in `taken` yet.
+        if whole and (slow or not doubtful):
             self._observe(taken, drain)
         if not base.sure:
             flags |= np.uint32(Flag.CLOCK_UNSURE)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from quavelet.core.blocks import CountArray, Flag, RawBlock, concat
+from quavelet.core.blocks import Flag, RawBlock, concat
 from quavelet.core.health import Health
 from quavelet.core.units import NS_PER_S
 from quavelet.mpu6050 import registers as r
@@ -41,14 +41,14 @@ class SpikeState:
     """All memory.
 
     before       the axes of the last samples that stood, three at most, none from before a gap
-    began        these are the first after a gap, and too few to compare with
-    held         samples that wait for those after them: the first four after a gap, later at most one, which jumped
+    began        these are the first of the stream or after a gap, and too few to compare with
+    held         samples that wait for those after them: the first four so begun, later at most two, which jumped
     owed_ns      the time of samples thrown away that the next one's gap has to hold
     owed_flags   and what is to be said of it, 0 where there is none
     """
 
     before: tuple[Axes, ...] = ()
-    began: bool = False
+    began: bool = True
     held: RawBlock | None = None
     owed_ns: int = 0
     owed_flags: int = 0
@@ -57,14 +57,16 @@ class SpikeState:
 class SpikeRule:
     """Takes samples that stand alone out of the blocks; the next one is flagged as coming after a gap of their length.
 
-    A sample that jumps at the end of a block is held back until the next block shows whether it stands alone. The first
-    four after a gap wait until there are five to be compared: none before says what they should be, and by the first
-    the attitude is carried over the gap. Nothing else is ever delayed. Where a gap comes next nothing will show it, and
-    a sample that jumped is thrown away, as is one between two gaps.
+    A sample that jumps at the end of a block is held back until the next block shows whether it stands alone, and so
+    are two that both jump, which garbage at the end of a transfer makes of its last two frames. The first four of the
+    stream and after a gap wait until there are five to be compared: none before says what they should be, and by the
+    first the attitude is carried over the gap. Nothing else is ever delayed. Where a gap comes next nothing will show
+    it, and a sample that jumped is thrown away, as is one between two gaps.
     """
 
-    def __init__(self, info: StreamInfo, *, health: Health) -> None:
-        self._bounds = spike_bounds(info)
+    def __init__(self, bounds: NDArray[np.int64] | None, *, health: Health) -> None:
+        """`bounds` as `spike_bounds` gives them; None switches the rule off."""
+        self._bounds = bounds
         self._health = health
         self._s = SpikeState()
 
@@ -83,7 +85,7 @@ class SpikeRule:
             before = s.before[-1] if s.before else axes[0]
             if not (np.abs(np.diff(axes, axis=0, prepend=[before])) > bounds).any():
                 last = tuple(tuple(row) for row in axes[-BEFORE:].tolist())
-                self._s = SpikeState((*s.before, *last)[-BEFORE:])
+                self._s = SpikeState((*s.before, *last)[-BEFORE:], began=False)
                 return block
         return self._looked_at(block, bounds)
 
@@ -103,8 +105,14 @@ class SpikeRule:
                 before, began = (), True
             sure = len(before) == BEFORE
             end = gap_at if gap_at is not None and k < gap_at else len(rows)
-            around = (*before, *rows[k + 1 : min(end, k + 1 + AROUND - len(before))])
-            if len(around) < AROUND and end == len(rows) and (stands_alone(row, before, bounds) if sure else began):
+            after = rows[k + 1 : end]
+            jumped = stands_alone(row, before, bounds) if sure else began
+            if sure and jumped and after and stands_alone(after[0], before, bounds):
+                # What spoilt the next one may have begun in this: then the one behind it is to be compared with.
+                spoilt = len(after) == 1 or stands_alone(after[0], (*before, after[1]), bounds)
+                after = after[1:] if spoilt else after
+            around = (*before, *after[: AROUND - len(before)])
+            if len(around) < AROUND and end == len(rows) and jumped:
                 held = k
                 break
             # A sample between two gaps has nothing that speaks for it.
@@ -146,10 +154,3 @@ def stands_alone(row: Axes, others: tuple[Axes, ...], bounds: NDArray[np.int64])
         if off > bound and off > ALONE * (high - low):
             return True
     return False
-
-
-def spikes_in(counts: CountArray, bounds: NDArray[np.int64]) -> int:
-    """How many of the frames (N, 7), one after the other without a gap, stand alone."""
-    rows: list[Axes] = [tuple(row) for row in counts[:, AXES].tolist()]
-    around = ((k, (*rows[k - BEFORE : k], rows[k + 1])) for k in range(BEFORE, len(rows) - 1))
-    return sum(stands_alone(rows[k], others, bounds) for k, others in around)
