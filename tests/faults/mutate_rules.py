@@ -75,11 +75,13 @@ MUTANTS = (
     Mutant("spike leaves no gap", "spikes.py", "flags[k] |= np.uint32(owed_flags)", "pass", (SPIKES,)),
     Mutant("slow count timed", "timebase.py", "return s.observations > 0 and after_ns", "return False and after_ns", (TIMES, TELLS)),
     Mutant("rate out of bounds used", "timebase.py", "good = abs(fitted / self.nominal_ns - 1.0) <= BOUND", "good = True", (TIMES, TELLS)),
-    Mutant("WHO_AM_I read once", "startup.py", "if who_am_i != MPU6050.who_am_i and self.info is None:", "if False:", (START,)),
+    Mutant("WHO_AM_I read once", "startup.py", "if who_am_i != MPU6050.who_am_i and self._chip.read", "if False and self._chip.read", (START,)),
     Mutant("exchanged chip driven on", "startup.py", "elif who_am_i != self.variant.who_am_i:", "elif False:", (RECOVERY,)),
     Mutant("configuration not read back", "startup.py", "if not row.holds(self._chip.read(row.register))]", "if False]", (START,)),
     Mutant("disturbed info believed", "startup.py", "if not self._is_as_written(read):", "if False:", (MATRIX, START), "0x75"),
     Mutant("other chip reset again and again", "startup.py", "self._new_try() if self.info is None else self._go(Step.PROBE, 0)", "self._new_try()", (MATRIX,), "swapped"),
+    Mutant("two spoilt frames vouch for each other", "spikes.py", "after = after[1:] if spoilt else after", "pass", (SPIKES,)),
+    Mutant("first samples not judged", "spikes.py", "began: bool = True", "began: bool = False", (SPIKES,)),
     Mutant("no end of tries", "startup.py", "or self._tries < MAX_TRIES", "or True", (START,)),
 )  # fmt: skip
 

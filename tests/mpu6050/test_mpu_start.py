@@ -92,6 +92,15 @@ def test_stranger_at_the_address_is_never_written_to():
     assert set(caught.value.known) == {0x68, 0x69, 0x70, 0x71, 0x72, 0x73, 0x74, 0x75, 0x98}
 
 
+def test_line_that_reads_otherwise_each_time_is_asked_for_ever():
+    clock = VirtualClock()
+    with ScriptedBus([read(0x75, f"{byte:02x}") for _ in range(101) for byte in (0x25, 0x19)]) as bus:
+        source = ChipSource(bus, address=ADDRESS, config=config(), clock=clock, health=Health())
+        with pytest.raises(ChipUnstable, match="otherwise each time"):
+            source.wait_until_streaming()
+    assert clock.now_ns() < 2 * NS_PER_S
+
+
 @pytest.mark.parametrize(
     ("value", "meaning"),
     [(0x00, "held low"), (0xFF, "pull-ups"), (0x19, "MPU-6886"), (0x55, "no chip of this family")],

@@ -40,6 +40,8 @@ GIVE_UP_NS = NS_PER_S
 """After this long in one try the chip is reset again."""
 MAX_TRIES = 5
 """Resets before a chip that never streamed is called unstable."""
+MAX_DIFFERING = 100
+"""Readings of WHO_AM_I that differ from the one just before, 10 ms apart, until nobody can tell who is there."""
 
 log = logging.getLogger(__name__)
 
@@ -98,6 +100,7 @@ class StartUp:
             Step.CONFIGURE: self._configure,
             Step.START: self._start,
         }
+        self._differing = 0
         self._try_since_ns = 0
         self._tries = 0
 
@@ -149,17 +152,20 @@ class StartUp:
     def _probe(self) -> None:
         # Reading comes before any write: a clock chip at this address must not be written to.
         who_am_i = self._chip.read(r.WHO_AM_I)
-        if who_am_i != MPU6050.who_am_i and self.info is None:
-            # Perhaps it was disturbed on its way.
-            who_am_i = self._chip.read(r.WHO_AM_I)
         if self.info is None:
+            # One flipped bit makes another chip of the family, or a stranger, out of an MPU-6050.
+            if who_am_i != MPU6050.who_am_i and self._chip.read(r.WHO_AM_I) != who_am_i:
+                self._differing += 1
+                if self._differing > MAX_DIFFERING:
+                    raise ChipUnstable(
+                        f"WHO_AM_I of address 0x{self._chip.address:02x} on {self._chip.bus.name} reads otherwise each "
+                        f"time: check the wires and their pull-ups, then try a slower bus"
+                    )
+                self._again(POLL_NS, f"WHO_AM_I reads 0x{who_am_i:02x}, and then otherwise")
+                return
             self.variant = identify(
                 who_am_i, bus=self._chip.bus.name, address=self._chip.address, accept_id=self._accept_id
             )
-            if self.variant.remark and self._chip.read(r.WHO_AM_I) != who_am_i:
-                # One flipped bit makes another chip of the family out of an MPU-6050.
-                self._again(POLL_NS, f"WHO_AM_I reads 0x{who_am_i:02x}, and then otherwise")
-                return
             self.table = configuration_table(self._config, variant=self.variant, offsets=self._offsets)
             if self.variant.remark:
                 log.warning("%s", self.variant.remark)
