@@ -1,0 +1,188 @@
+"""Charts as SVG and PNG: the only file that imports matplotlib.
+
+An SVG takes its ink from where it stands (`currentColor`) and has no ground, so one picture is read on a light page
+and a dark one; as a file of its own it carries both grounds. A PNG is on light ground.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from textwrap import wrap
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from quavelet.core.blocks import FloatArray
+from quavelet.study.experiment import Chart, Curve
+
+# Of one lightness, in between: each stands out from white and from near black by more than 3 to 1.
+COLOURS = ("#3b82d0", "#d9701a", "#2c9e5b", "#a066d3", "#d64550", "#1f98a8", "#a0764a", "#c2559b")
+GREY = "#868e96"
+_INK = "#212529"
+"""Stands for the page's ink; no curve has it."""
+_SIZE_IN = (5.6, 3.5)
+"""Small, so that its letters are still letters on a telephone."""
+_BUCKETS = 700
+"""A longer line is drawn by the least and the greatest value of so many stretches."""
+_LEGEND_WIDTH = 62
+"""Letters of one line of the legend."""
+_OWN_GROUND = """<style>
+svg{color:#212529;background:#fff}
+@media(prefers-color-scheme:dark){svg{color:#dee2e6;background:#16181d}}
+</style>"""
+
+
+def colours_of(charts: Iterable[Chart]) -> dict[str, str]:
+    """A colour for each label, in the order they come: the same label has the same colour in all of the charts."""
+    colours: dict[str, str] = {}
+    for chart in charts:
+        for curve in chart.curves:
+            if not curve.dashed:
+                colours.setdefault(curve.label, COLOURS[len(colours) % len(COLOURS)])
+    return colours
+
+
+def svg(chart: Chart, colours: Mapping[str, str]) -> str:
+    """The chart as an SVG element to stand in a page: the same text for the same chart."""
+    with _styled(chart):
+        file = io.StringIO()
+        _drawn(chart, colours).savefig(
+            file, format="svg", transparent=True, metadata={"Date": None, "Creator": None, "Title": chart.title}
+        )
+    text = file.getvalue()
+    text = re.sub(r"<metadata>.*?</metadata>", "", text[text.index("<svg") :], flags=re.DOTALL)
+    # Half of a line's text are digits that no screen shows.
+    text = re.sub(r' d="[^"]*"', lambda path: re.sub(r"(\.\d\d)\d+", r"\1", path[0]), text)
+    return text.replace(_INK, "currentColor").strip()
+
+
+def svg_file(element: str) -> str:
+    """An SVG element as a file of its own, on a ground that goes with the reader's."""
+    end = element.index(">") + 1
+    return f'<?xml version="1.0" encoding="utf-8"?>\n{element[:end]}\n{_OWN_GROUND}{element[end:]}\n'
+
+
+def png(chart: Chart, colours: Mapping[str, str]) -> bytes:
+    """The chart as a PNG on white, twice as fine as a screen's 96 dots an inch."""
+    with _styled(chart):
+        file = io.BytesIO()
+        _drawn(chart, colours).savefig(file, format="png", dpi=192, facecolor="white", metadata={"Software": None})
+    return file.getvalue()
+
+
+@contextmanager
+def _styled(chart: Chart) -> Iterator[None]:
+    # The salt makes the names within the SVG the same each time, and different from those of other charts.
+    with matplotlib.rc_context(
+        {
+            "svg.hashsalt": chart.name,
+            "font.size": 10.5,
+            "font.sans-serif": ["DejaVu Sans", "Verdana", "Arial", "sans-serif"],
+            "axes.edgecolor": GREY,
+            "axes.labelcolor": _INK,
+            "axes.spines.top": False,
+            "axes.spines.right": False,
+            "axes.grid": True,
+            "axes.axisbelow": True,
+            "axes.unicode_minus": False,
+            "grid.color": GREY,
+            "grid.alpha": 0.3,
+            "grid.linewidth": 0.6,
+            "lines.linewidth": 1.4,
+            "text.color": _INK,
+            "xtick.color": GREY,
+            "ytick.color": GREY,
+            "xtick.labelcolor": _INK,
+            "ytick.labelcolor": _INK,
+            "legend.frameon": False,
+            "legend.fontsize": 9.5,
+            "svg.fonttype": "none",
+            "path.simplify": True,
+        }
+    ):
+        yield
+
+
+def _drawn(chart: Chart, colours: Mapping[str, str]) -> Figure:
+    figure = Figure(figsize=_SIZE_IN, layout="constrained")
+    axes = figure.add_subplot()
+    figure.suptitle("\n".join(wrap(chart.title, _LEGEND_WIDTH - 4)), x=0.01, ha="left", fontsize=11, fontweight="bold")
+    axes.set_xlabel(chart.x_label)
+    axes.set_ylabel(chart.y_label)
+    if chart.kind == "bars":
+        _bars(axes, chart, colours)
+    else:
+        for curve in chart.curves:
+            _curve(axes, curve, colours, points=chart.kind == "points", log_x=chart.log_x)
+        axes.margins(x=0.02)
+        if chart.kind == "points" and all((curve.x == np.round(curve.x)).all() for curve in chart.curves):
+            axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    if chart.log_x:
+        axes.set_xscale("log")
+    if chart.log_y:
+        axes.set_yscale("log")
+    labels = [curve.label for curve in chart.curves if curve.label]
+    if labels:
+        widest = max(len(label) for label in labels) + 6
+        axes.legend(
+            loc="lower left",
+            bbox_to_anchor=(0.0, 1.0),
+            borderaxespad=0.2,
+            borderpad=0.1,
+            ncols=max(1, min(len(labels), _LEGEND_WIDTH // widest)),
+            columnspacing=1.2,
+            handlelength=1.4,
+        )
+    return figure
+
+
+def _curve(axes: Axes, curve: Curve, colours: Mapping[str, str], *, points: bool, log_x: bool) -> None:
+    colour = GREY if curve.dashed else colours[curve.label]
+    label = curve.label or None
+    if points and not curve.dashed:
+        axes.plot(curve.x, curve.y, linestyle="none", marker="o", markersize=3.5, color=colour, label=label)
+        return
+    x, y = (curve.x, curve.y) if log_x else _thinned(curve.x, curve.y)
+    style = "--" if curve.dashed else "-"
+    axes.plot(x, y, linestyle=style, linewidth=1.1 if curve.dashed else None, color=colour, label=label)
+
+
+def _bars(axes: Axes, chart: Chart, colours: Mapping[str, str]) -> None:
+    bars = [curve for curve in chart.curves if not curve.dashed]
+    width = 0.8 / max(1, len(bars))
+    for k, curve in enumerate(bars):
+        place = curve.x + (k - (len(bars) - 1) / 2) * width
+        axes.bar(place, curve.y, width=0.92 * width, color=colours[curve.label], label=curve.label or None)
+    for curve in chart.curves:
+        if curve.dashed:
+            axes.plot(curve.x, curve.y, "--", linewidth=1.1, color=GREY, label=curve.label or None)
+    axes.grid(visible=False, axis="x")
+    if chart.ticks:
+        crowded = sum(map(len, chart.ticks)) > _LEGEND_WIDTH
+        axes.set_xticks(
+            range(len(chart.ticks)),
+            labels=list(chart.ticks),
+            rotation=25 if crowded else 0,
+            ha="right" if crowded else "center",
+        )
+
+
+def _thinned(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The points to draw: of each stretch of a long line the least and the greatest, in their order."""
+    if len(x) <= 4 * _BUCKETS:
+        return x, y
+    ends = np.linspace(0, len(x), _BUCKETS + 1).astype(np.int64)
+    keep: list[int] = []
+    for start, end in zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True):
+        piece = y[start:end]
+        if np.isnan(piece).all():
+            keep.append(start)
+        else:
+            keep += sorted({start + int(np.nanargmin(piece)), start + int(np.nanargmax(piece))})
+    return x[keep], y[keep]

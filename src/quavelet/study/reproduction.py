@@ -1,0 +1,110 @@
+"""A paper's result in words: its rows as text, and its part of the page."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from math import isinf, isnan
+
+from quavelet.study.experiment import Experiment, Result, Row, Verdict
+from quavelet.study.page import Cell, Mark, Section, Table
+
+PRINTED_HEAD = ("id", "what", "the paper prints", "got", "band", "verdict")
+ACCEPTANCE_HEAD = ("id", "what", "got", "band", "passed")
+PRINTED_NUMBERS, ACCEPTANCE_NUMBERS = frozenset({2, 3, 4}), frozenset({2, 3})
+_MARKS: dict[Verdict, Mark] = {
+    Verdict.REPRODUCED: "good",
+    Verdict.READING: "doubt",
+    Verdict.REFUTED: "bad",
+    Verdict.NONE: "",
+}
+
+
+def printed_rows(rows: Iterable[Row]) -> list[Row]:
+    """The rows of the paper's own tables."""
+    return [row for row in rows if row.verdict is not Verdict.NONE]
+
+
+def acceptance_rows(rows: Iterable[Row]) -> list[Row]:
+    """Our own rows."""
+    return [row for row in rows if row.verdict is Verdict.NONE]
+
+
+def failed_rows(rows: Iterable[Row]) -> list[Row]:
+    """The rows outside their bands."""
+    return [row for row in rows if not row.passed]
+
+
+def got_text(row: Row) -> str:
+    """What this program got, with its unit."""
+    return "none" if isnan(row.got) else f"{_number(row.got)} {row.unit}".rstrip()
+
+
+def band_text(row: Row) -> str:
+    """The band: "0.01 to 0.014", "<= 0.055", "" where there is none."""
+    if not row.judged:
+        return ""
+    if isinf(row.low):
+        return f"<= {_number(row.high)}"
+    return f">= {_number(row.low)}" if isinf(row.high) else f"{_number(row.low)} to {_number(row.high)}"
+
+
+def passed_text(row: Row) -> str:
+    """ "yes", "NO", "" where the row is shown and not judged."""
+    return "" if not row.judged else "yes" if row.passed else "NO"
+
+
+def cells(row: Row) -> tuple[Cell, ...]:
+    """The row's cells, for `PRINTED_HEAD` or for `ACCEPTANCE_HEAD`."""
+    bad: Mark = "" if row.passed else "bad"
+    got, band = Cell(got_text(row), bad), Cell(band_text(row), bad)
+    if row.verdict is Verdict.NONE:
+        return Cell(row.id), Cell(row.what), got, band, Cell(passed_text(row), "good" if row.passed else "bad")
+    return Cell(row.id), Cell(row.what), Cell(row.printed), got, band, Cell(row.verdict.value, _MARKS[row.verdict])
+
+
+def section(experiment: Experiment, result: Result) -> Section:
+    """The paper's part of the page."""
+    tables = []
+    if printed := printed_rows(result.rows):
+        rows = tuple((*cells(row), Cell(_why(row))) for row in printed)
+        tables.append(Table("What the paper prints", (*PRINTED_HEAD, "why"), rows, numbers=PRINTED_NUMBERS))
+    if ours := acceptance_rows(result.rows):
+        rows = tuple((*cells(row), Cell(_why(row))) for row in ours)
+        tables.append(Table("What must hold", (*ACCEPTANCE_HEAD, "why"), rows, numbers=ACCEPTANCE_NUMBERS))
+    return Section(
+        f"{experiment.paper}: {experiment.title}", (experiment.headline,), tuple(tables), result.charts, result.remarks
+    )
+
+
+def summary(results: Iterable[tuple[Experiment, Result]]) -> Section:
+    """The first part of the page: how many rows of each paper came out how."""
+    rows = []
+    for experiment, result in results:
+        printed, failed = printed_rows(result.rows), failed_rows(result.rows)
+        counts = [sum(row.verdict is verdict for row in printed) for verdict in Verdict if verdict is not Verdict.NONE]
+        judged = sum(row.judged for row in result.rows)
+        names = ", ".join(dict.fromkeys(row.id for row in failed))
+        held = f"{judged - len(failed)} of {judged}" + (f"; not: {names}" if failed else "")
+        rows.append(
+            (
+                Cell(experiment.paper),
+                Cell(experiment.title),
+                *(Cell(str(count)) for count in counts),
+                Cell(held, "bad" if failed else "good"),
+            )
+        )
+    head = ("paper", "what it proposes", "reproduced", "only under a reading", "refuted", "within their bands")
+    words = (
+        "A figure that a paper prints stands beside what this program got. Reproduced: as printed. Only under a "
+        "reading: by one reading of the text of several, or with noise tuned to it, and the row says which. Refuted: "
+        "it does not follow, or is a slip. A band is where our own figure must be; it says nothing of the paper's.",
+    )
+    return Section("Summary", words, (Table("All papers", head, tuple(rows), numbers=frozenset({2, 3, 4})),))
+
+
+def _why(row: Row) -> str:
+    return f"{row.note} Reading: {row.reading}" if row.note and row.reading else row.note or row.reading
+
+
+def _number(value: float) -> str:
+    return f"{value:.4g}" if value == 0.0 or 1e-4 <= abs(value) < 1e5 else f"{value:.2g}"

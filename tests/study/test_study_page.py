@@ -1,0 +1,134 @@
+"""The page stands by itself, says what the rows say, and is the same each time."""
+
+from __future__ import annotations
+
+import re
+import sys
+from html.parser import HTMLParser
+
+import fake_experiments as fake
+import numpy as np
+import pytest
+
+from quavelet.core.errors import SettingsError
+from quavelet.study import plot, reproduction
+from quavelet.study.experiment import Chart, Curve, Effort, Result, silent
+from quavelet.study.page import Cell, PageError, Section, Table, check_drawing, html_page, write, write_pictures
+
+RESULT = fake.well(Effort.FULL, silent)
+VOID = {"meta", "br", "link", "img", "input", "hr"}
+
+
+class Balanced(HTMLParser):
+    """Collects what is open; what is closed out of order is an error."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.text: list[str] = []
+
+    def handle_starttag(self, tag, attrs):
+        del attrs
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.text.append(data)
+
+
+def page_of(*sections: Section) -> str:
+    return html_page("Papers", ("Words.",), sections, foot="foot")
+
+
+def text_of(page: str) -> str:
+    parser = Balanced()
+    parser.feed(page)
+    assert parser.open == []
+    return " ".join(parser.text)
+
+
+def test_the_page_shows_every_row_and_closes_all_it_opens():
+    text = text_of(page_of(reproduction.section(fake.WELL, RESULT), reproduction.summary([(fake.WELL, RESULT)])))
+    for words in (".0412", "0.601 deg", "refuted", "0.146 to 0.178", "An accelerometer has more noise.", "2 of 2"):
+        assert words in text
+    assert "Eq. 4 lacks a factor 2." in text
+    assert "A walk & <its> error" in text
+
+
+def test_the_page_fetches_nothing_and_runs_nothing():
+    page = page_of(reproduction.section(fake.WELL, RESULT))
+    assert re.findall(r"\b(?:src|href)=\"(?!#)[^\"]*", page) == []
+    assert "<script" not in page
+    assert "@import" not in page
+    assert re.findall(r"url\((?!#)", page) == []
+
+
+def test_what_a_user_wrote_is_text_and_no_markup():
+    cells = ((Cell("<b>1</b>"), Cell("&")),)
+    page = page_of(Section("<i>", ("<u>",), (Table("<s>", ("<q>", "2"), cells),), (), ("<tt>",)))
+    for tag in ("<b>", "<i>", "<u>", "<s>", "<q>", "<tt>"):
+        assert tag not in page
+
+
+def test_the_same_result_gives_the_same_page_and_pictures(tmp_path):
+    section = reproduction.section(fake.WELL, RESULT)
+    assert page_of(section) == page_of(section)
+    for folder in ("a", "b"):
+        write_pictures(RESULT.charts, tmp_path / folder)
+    for name in ("000-walk.svg", "000-walk.png"):
+        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
+    assert (tmp_path / "a" / "000-walk.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_letters_have_the_colour_of_the_page_they_stand_in():
+    picture = plot.svg(fake.CHART, plot.colours_of([fake.CHART]))
+    assert "currentColor" in picture
+    assert not re.search(r"fill: #(000000|212529|fff)", picture)
+
+
+def test_a_label_has_one_colour_in_all_charts_and_a_truth_none_of_its_own():
+    x = np.arange(2.0)
+    first = Chart("a", "", "", "", (Curve("truth", x, x, dashed=True), Curve("P", x, x), Curve("PID", x, x)))
+    second = Chart("b", "", "", "", (Curve("PID", x, x), Curve("wavelet", x, x)))
+    colours = plot.colours_of([first, second])
+    assert list(colours) == ["P", "PID", "wavelet"]
+    assert len(set(colours.values())) == 3
+
+
+def test_a_spike_in_a_long_line_is_drawn():
+    y = np.zeros(200_000)
+    y[123_456] = 7.0
+    curve = Curve("", np.arange(200_000.0), y)
+    x, thin = plot._thinned(curve.x, curve.y)
+    assert len(x) < 3000
+    assert x[thin == 7.0].tolist() == [123_456.0]
+    assert (np.diff(x) > 0).all()
+
+
+@pytest.mark.parametrize("kind", ["line", "points", "bars"])
+def test_gaps_and_empty_curves_are_drawn_without_complaint(kind):
+    x = np.arange(3.0)
+    curves = (Curve("a", x, np.full(3, np.nan)), Curve("b", x, np.array([1.0, np.nan, 2.0])), Curve("", x[:0], x[:0]))
+    chart = Chart("gaps", "Gaps", "", "deg", curves, kind=kind, ticks=("one", "two", "three"))
+    assert "<svg" in plot.svg(chart, plot.colours_of([chart]))
+
+
+def test_without_matplotlib_the_sentence_says_what_to_install(monkeypatch):
+    monkeypatch.delitem(sys.modules, "quavelet.study.plot")
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    with pytest.raises(SettingsError, match=r"pip install 'quavelet\[report\]'"):
+        check_drawing()
+
+
+def test_a_page_that_cannot_be_written_is_one_sentence(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(PageError, match=r"cannot be written .*--out"):
+        write(tmp_path / "file" / "index.html", b"")
+
+
+def test_the_summary_counts_and_names_what_is_outside():
+    text = text_of(page_of(reproduction.summary([(fake.OUTSIDE, Result((fake.GOOD, fake.BAD)))])))
+    assert "1 of 2; not: 0b" in text
