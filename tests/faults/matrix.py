@@ -13,6 +13,7 @@ from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
+from in_self_test import self_test_cell, summed_up
 
 from hw_fakes import NOISE_ONLY, FakeBus, FakeMpu6050, Tilt
 from hw_fakes.faults.of_wires import CutWrite, FlippedWrite, TimedOut
@@ -30,7 +31,8 @@ from quavelet.pipeline import build_pipeline
 from quavelet.settings import Settings
 
 STATES = ("reset", "configure", "start", "streaming", "brought back")
-"""In the first start-up its three steps; while samples come; while a chip that lost its supply is configured anew."""
+"""In the first start-up its three steps; while samples come; while a chip that lost its supply is configured anew. The
+sixth, while the self-test measures, is in in_self_test.py."""
 
 KINDS: dict[str, tuple[str, ...]] = {
     "no acknowledge": ("nack", "nack n=12", "nack for=0.05", "nack for=5"),
@@ -255,31 +257,37 @@ def cell(fault: str, state: str) -> Cell:
 
 def table(rows: tuple[str, ...] = ROWS, states: tuple[str, ...] = STATES) -> str:
     """The matrix as Markdown: outcome, ms until it was noticed / until the first good sample after its end, and by how
-    much the tilt was worse two seconds later than without it."""
-    lines = [f"| fault | {' | '.join(states)} |", "|---" * (len(states) + 1) + "|"]
-    lines += [f"| `{row}` | {' | '.join(str(cell(row, state)) for state in states)} |" for row in rows]
+    much the tilt was worse two seconds later than without it; in the self-test, until it was measured anew / until the
+    verdict after its end."""
+    lines = [f"| fault | {' | '.join(states)} | self-test |", "|---" * (len(states) + 2) + "|"]
+    lines += [
+        f"| `{row}` | {' | '.join(str(cell(row, state)) for state in states)} | {self_test_cell(row)} |" for row in rows
+    ]
     return "\n".join(lines)
 
 
-def short_table() -> str:
-    """The worst of each kind while streaming, as Markdown."""
+def short_table(*, self_test: bool = True) -> str:
+    """The worst of each kind while streaming, and in the self-test, as Markdown."""
     lines = [
-        "| fault, while streaming | noticed within | samples again after its end | tilt worse by, 2 s later |",
-        "|---|---|---|---|",
+        "| fault, while streaming | noticed within | samples again after its end | tilt worse by, 2 s later |"
+        + (" self-test's verdict |" if self_test else ""),
+        "|---|---|---|---|" + ("---|" if self_test else ""),
     ]
     for kind, rows in KINDS.items():
-        cells = [cell(row, "streaming") for row in rows]
-        errors = [c.outcome for c in cells if c.error is not None]
-        if errors:
-            lines.append(f"| {kind} | {errors[0]} | | |")
-            continue
-        noticed = [c.detect_ms for c in cells if c.detect_ms is not None]
-        again = [c.recover_ms for c in cells if c.recover_ms is not None]
-        worse = max(c.worse_deg or 0.0 for c in cells)
-        lines.append(
-            f"| {kind} | {f'{max(noticed):.0f} ms' if noticed else 'no effect'} | {max(again):.0f} ms | {worse:.2f}° |"
-        )
+        tested = f" {summed_up([self_test_cell(row) for row in rows])} |" if self_test else ""
+        lines.append(f"| {kind} | {_streaming(rows)} |{tested}")
     return "\n".join(lines)
+
+
+def _streaming(rows: tuple[str, ...]) -> str:
+    cells = [cell(row, "streaming") for row in rows]
+    errors = [c.outcome for c in cells if c.error is not None]
+    if errors:
+        return f"{errors[0]} | |"
+    noticed = [c.detect_ms for c in cells if c.detect_ms is not None]
+    again = [c.recover_ms for c in cells if c.recover_ms is not None]
+    worse = max(c.worse_deg or 0.0 for c in cells)
+    return f"{f'{max(noticed):.0f} ms' if noticed else 'no effect'} | {max(again):.0f} ms | {worse:.2f}°"
 
 
 if __name__ == "__main__":

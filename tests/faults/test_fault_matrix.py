@@ -6,9 +6,10 @@ import logging
 
 import matrix
 import pytest
+from in_self_test import MOMENTS_S, SelfTestCell, self_test_cell
 from matrix import ROWS, STATES, Cell, cell
 
-from quavelet.core.errors import ChipUnstable, DeviceLost
+from quavelet.core.errors import BusError, ChipUnstable, DeviceLost
 
 DETECT_MS, RECOVER_MS, WORSE_DEG = 100.0, 500.0, 1.0
 LATE = {
@@ -20,6 +21,9 @@ LOST_FOR_GOOD = ("unplugged", "swapped personality=MPU-6500")
 NEVER_STARTED = (*LOST_FOR_GOOD, "nack for=5", "zeros for=5", "ones for=5")
 """In the first start-up these end in ChipUnstable, after five tries, where they begin once the chip has been reset."""
 SLOW_STARTS = {"changed register=0x6b value=0x41": "PWR_MGMT_1 is waited for as after a reset, then reset again: 1.2 s"}
+NO_VERDICT = NEVER_STARTED
+ENDS_SELF_TEST = (BusError, ChipUnstable, DeviceLost)
+"""What outlasts the self-test's patience ends in one of these."""
 LONG = ("nack for=5", "zeros for=5", "ones for=5", "unplugged for=2")
 """Nobody knows what the board did for so long: what the attitude is after it is flagged until gravity has said."""
 
@@ -55,6 +59,29 @@ def test_fault_ends_neither_in_good_samples_nor_in_an_error_that_helps(fault, st
     check(cell(fault, state))
 
 
+def check_self_test(c: SelfTestCell, *, good: bool) -> None:
+    assert c.streams, c
+    assert c.verdict in (None, good), c
+    if c.verdict is None:
+        assert c.fault in NO_VERDICT, (c, c.error)
+        assert isinstance(c.error, ENDS_SELF_TEST), c
+    else:
+        assert c.as_found, c
+
+
+@pytest.mark.parametrize("fault", ROWS)
+def test_fault_in_the_self_test_gives_a_wrong_verdict_or_leaves_the_chip_pushed(fault):
+    check_self_test(self_test_cell(fault), good=True)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("moment", MOMENTS_S)
+@pytest.mark.parametrize("good", [True, False])
+@pytest.mark.parametrize("fault", ROWS)
+def test_fault_at_any_moment_of_the_self_test_of_a_good_or_broken_chip_gives_a_wrong_verdict(fault, moment, good):
+    check_self_test(self_test_cell(fault, at_s=MOMENTS_S[moment], broken=not good), good=good)
+
+
 def test_matrix_is_printed(capsys):
     with capsys.disabled():
-        print("\n" + matrix.short_table())
+        print("\n" + matrix.short_table(self_test=False))

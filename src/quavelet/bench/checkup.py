@@ -153,10 +153,17 @@ class CheckUp:
         self._waiting("testing each axis by its own push")
         chip = RegisterAccess(bus, address=self._address, clock=self._clock, health=self._health)
         try:
-            report = run_self_test(chip, variant=variant, clock=self._clock)
+            report = run_self_test(
+                chip,
+                variant=variant,
+                clock=self._clock,
+                on_repeat=lambda reason: self._waiting(f"testing once more: {reason}"),
+            )
         except ChipUnstable as error:
             # A host that is too slow for it says nothing about the board; the FIFO is looked at next.
             return Finding(name="self-test", ok=True, found="could not be done", advice=str(error))
+        if not report.still:
+            return Finding(name="self-test", ok=True, found="could not be done", advice=report.advice)
         responses = ", ".join(
             f"{axis.axis} {axis.measured:.2f} {axis.unit}"
             if axis.ratio is None
@@ -166,7 +173,8 @@ class CheckUp:
         return Finding(
             name="self-test",
             ok=report.passed,
-            found=f"of the factory's response: {responses}",
+            found=f"of the factory's response: {responses}"
+            + (f"; measured {_times(report.repeats + 1, 'time')}, since it was disturbed" if report.repeats else ""),
             advice=report.advice,
             figures={
                 f"{axis.axis.replace(' ', '_')}_ratio": round(axis.ratio, 4) for axis in report.axes if axis.ratio

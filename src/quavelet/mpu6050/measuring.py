@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,8 +23,12 @@ BYTES_A_MS = 17
 PLL_WAIT_MS = 10
 SETTLE_WAIT_MS = 100
 SHORTEST_MS = 10
+RESET_MS = 100
+"""RM p. 41: a chip that was reset, by whatever, takes nothing for so long."""
 _MAX_BAD_ROUNDS = 20
 _MAX_LOOKS = 5
+_MAX_GIVING_BACK = 5
+_SELF_TEST = {field.register: field.mask for field in (r.GYRO_SELF_TEST, r.ACCEL_SELF_TEST)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,40 +54,50 @@ def measuring_config(accel_range_g: int, *, dlpf: int) -> ChipConfig:
 def set_up(chip: RegisterAccess, config: ChipConfig, *, variant: Variant, clock: Clock) -> None:
     """Wake and configure the chip, and wait for its sensors. Raises BusError, ChipUnstable where it does not hold."""
     wake, *others = configuration_table(config, variant=variant)
-    chip.apply(wake)
+    write_rows(chip, [wake])
     sleep_ms(clock, PLL_WAIT_MS)
     write_rows(chip, others)
     sleep_ms(clock, SETTLE_WAIT_MS)
 
 
 @contextmanager
-def borrowed(chip: RegisterAccess, config: ChipConfig, *, variant: Variant, clock: Clock) -> Iterator[None]:
-    """The chip set up for a while, then as it was; what was in its FIFO is gone.
+def borrowed(chip: RegisterAccess, rows: Sequence[r.RegisterBits], *, clock: Clock) -> Iterator[None]:
+    """The registers of `rows`, of which PWR_MGMT_1 is the first, are afterwards as they were, read back; but for bits
+    of the self-test, which are never left behind. What was in the FIFO is gone.
 
-    Raises BusError, after which nobody knows how the chip is set: it must be started anew.
+    Raises BusError and ChipUnstable where that cannot be done: the chip must then be started anew.
     """
-    rows = configuration_table(config, variant=variant)
-    before = [(row.register, chip.read(row.register)) for row in rows]
-    set_up(chip, config, variant=variant, clock=clock)
+    before = [(row.register, read_steadily(chip, row.register, 1)[0]) for row in rows]
+    found = [(register, byte & ~_SELF_TEST.get(register, 0)) for register, byte in before]
     try:
         yield
-    finally:
-        stop_fifo(chip)
-        # Power last, and it is first in the table: a chip that sleeps takes nothing.
-        for register, byte in reversed(before):
-            chip.write(register, byte)
+    except BaseException:
+        # What went wrong first is what is told.
+        with suppress(BusError, ChipUnstable):
+            _give_back(chip, found, clock)
+        raise
+    _give_back(chip, found, clock)
 
 
-def write_rows(chip: RegisterAccess, rows: list[r.RegisterBits]) -> None:
+def write_rows(chip: RegisterAccess, rows: Sequence[r.RegisterBits]) -> None:
     """Write rows and read them back. Raises BusError, ChipUnstable where one does not hold."""
     for row in rows:
         chip.apply(row)
-    wrong = [row.register.name for row in rows if not row.holds(chip.read(row.register))]
+    check_rows(chip, rows)
+
+
+def check_rows(chip: RegisterAccess, rows: Sequence[r.RegisterBits]) -> None:
+    """Raises ChipUnstable where a register does not hold what was written, read twice; BusError."""
+    wrong = [row.register.name for row in rows if not (_holds(chip, row) or _holds(chip, row))]
     if wrong:
         raise ChipUnstable(
             f"{', '.join(wrong)} of the chip at 0x{chip.address:02x} did not read back as written: check wires and "
             f"supply voltage, then try again"
         )
+
+
+def _holds(chip: RegisterAccess, row: r.RegisterBits) -> bool:
+    return row.holds(chip.read(row.register))
 
 
 def stop_fifo(chip: RegisterAccess) -> None:
@@ -145,9 +159,30 @@ def sleep_ms(clock: Clock, ms: int) -> None:
 def _one_round(chip: RegisterAccess, variant: Variant, clock: Clock, ms: int) -> CountArray | None:
     chip.restart_fifo()
     sleep_ms(clock, ms)
+    sensors = chip.read(r.FIFO_EN)
     chip.write(r.FIFO_EN, 0)
     status, count = chip.read(r.INT_STATUS), chip.fifo_count()
+    # Of other sensors the frames have another length, of which some number fits all the same.
+    if sensors != r.FIFO_SENSORS.encode(r.FIFO_ACCEL_TEMP_GYRO):
+        return None
     if judge(status, count, fifo_bytes=variant.fifo_bytes) is not Verdict.FRAMES:
         return None
     counts: CountArray = np.frombuffer(chip.read_fifo(count), dtype=">i2").reshape(-1, r.FRAME_BYTES // 2)
     return counts.astype(np.int16)
+
+
+def _give_back(chip: RegisterAccess, found: Sequence[tuple[r.Register, int]], clock: Clock) -> None:
+    for left in reversed(range(_MAX_GIVING_BACK)):
+        try:
+            # A chip that sleeps takes nothing: it is awake first, and as it was last.
+            chip.write(r.PWR_MGMT_1, r.CLKSEL.encode(r.CLOCK_PLL_GYRO_X))
+            sleep_ms(clock, PLL_WAIT_MS)
+            stop_fifo(chip)
+            for register, byte in reversed(found):
+                chip.write(register, byte)
+            check_rows(chip, [r.RegisterBits(register, byte, ~byte & 0xFF) for register, byte in found])
+            return
+        except (BusError, ChipUnstable):
+            if not left:
+                raise
+        sleep_ms(clock, RESET_MS)
