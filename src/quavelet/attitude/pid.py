@@ -15,7 +15,6 @@ chip is stuck the attitude stands and is not to be trusted, and what comes after
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from math import hypot, sqrt
 
@@ -36,11 +35,11 @@ from quavelet.attitude.kernel import (
     tilt_error,
     up_in_body,
 )
+from quavelet.attitude.samples import Sample, samples
 from quavelet.attitude.settling import Settling, gains_of, restarted, settled
 from quavelet.attitude.settling import after_step as settled_further
 from quavelet.core.blocks import AttitudeBlock, Flag, ImuBlock
 from quavelet.core.errors import SettingsError
-from quavelet.core.units import NS_PER_S
 
 LONG_GAP_S = 0.25
 """After a longer gap nobody knows what the board did in it: gravity has to say."""
@@ -97,20 +96,6 @@ class PidState:
     bias_degc: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
-class _Sample:
-    """One row of an `ImuBlock`; bias is None while it is unknown."""
-
-    rate: Vector
-    force: Vector
-    dt: float
-    gap_s: float
-    still: bool
-    stuck: bool
-    bias: Vector | None
-    temp_degc: float
-
-
 class PidFilter:
     """`ImuBlock` to `AttitudeBlock`; an `AttitudeFilter`."""
 
@@ -130,7 +115,7 @@ class PidFilter:
         n = len(block)
         q, sigma, flags = np.empty((n, 4)), np.empty((n, 3)), block.flags.copy()
         integral = np.empty((n, 3))
-        for k, sample in enumerate(_samples(block)):
+        for k, sample in enumerate(samples(block)):
             s = self._s = self._next(self._s, sample)
             q[k] = s.q if s.q[0] >= 0.0 else [-x for x in s.q]
             tilt, yaw = sigmas(s.doubt, self._residual)
@@ -152,7 +137,7 @@ class PidFilter:
             still=block.still,
         )
 
-    def _next(self, s: PidState, sample: _Sample) -> PidState:
+    def _next(self, s: PidState, sample: Sample) -> PidState:
         known = sample.bias is not None
         if s.rate_rad_s is None:
             return PidState(
@@ -191,33 +176,7 @@ class PidFilter:
         )
 
 
-def _samples(block: ImuBlock) -> Iterator[_Sample]:
-    columns = zip(
-        block.gyro_rad_s.tolist(),
-        block.accel_m_s2.tolist(),
-        block.period_s.tolist(),
-        block.gap_ns.tolist(),
-        block.still.tolist(),
-        (block.flags & Flag.STUCK).tolist(),
-        block.gyro_bias_rad_s.tolist(),
-        (block.flags & Flag.BIAS_UNKNOWN).tolist(),
-        block.temp_degc.tolist(),
-        strict=True,
-    )
-    for rate, force, dt, gap_ns, still, stuck, bias, unknown, temp_degc in columns:
-        yield _Sample(
-            rate=tuple(rate),
-            force=tuple(force),
-            dt=dt,
-            gap_s=gap_ns / NS_PER_S,
-            still=still,
-            stuck=bool(stuck),
-            bias=None if unknown else tuple(bias),
-            temp_degc=temp_degc,
-        )
-
-
-def _with_new_bias(s: PidState, sample: _Sample) -> PidState:
+def _with_new_bias(s: PidState, sample: Sample) -> PidState:
     """The stage before removes another bias from now on. When it is the first one, the integral's own estimate
     must go, yaw counts from here, and after levelling nothing is left to settle."""
     new = replace(s, bias=sample.bias, bias_degc=sample.temp_degc)
@@ -231,7 +190,7 @@ def _with_new_bias(s: PidState, sample: _Sample) -> PidState:
     return replace(new, doubt=doubt, settling=settled())
 
 
-def _bridged(s: PidState, sample: _Sample, *, gap_s: float) -> PidState:
+def _bridged(s: PidState, sample: Sample, *, gap_s: float) -> PidState:
     """The state at the gap's end; the step is long, so it is taken exactly."""
     last = s.rate_rad_s or sample.rate
     change = (sample.rate[0] - last[0], sample.rate[1] - last[1], sample.rate[2] - last[2])
@@ -246,7 +205,7 @@ def _bridged(s: PidState, sample: _Sample, *, gap_s: float) -> PidState:
     return replace(s, q=levelled(q, sample.force), settling=settling)
 
 
-def _levelled(s: PidState, sample: _Sample, drift_rad_s: float) -> PidState:
+def _levelled(s: PidState, sample: Sample, drift_rad_s: float) -> PidState:
     """Still with an unknown bias: the rate says nothing, the mean accelerometer all there is to know."""
     x, y, z = s.level_sum
     level_sum = (x + sample.force[0], y + sample.force[1], z + sample.force[2])
