@@ -312,8 +312,10 @@ def test_range_that_does_not_take_is_not_measured_with():
 
 def test_chip_that_is_frozen_for_good_is_told_and_its_axes_are_not_called_broken():
     bench = Bench()
-    bench.chip.spoil_words = lambda words: np.repeat(np.array([[9, 8, 4000, 0, 7, 6, 5]], dtype=np.int16), len(words), 0)
-    with pytest.raises(ChipUnstable, match="no axis .* changes"):
+    bench.chip.spoil_words = lambda words: np.repeat(
+        np.array([[9, 8, 4000, 0, 7, 6, 5]], dtype=np.int16), len(words), 0
+    )
+    with pytest.raises(ChipUnstable, match=r"no axis .* changes"):
         bench.run()
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from quavelet.core.blocks import CountArray, FloatArray
 from quavelet.core.clock import Clock
 from quavelet.core.errors import BusError, ChipUnstable
-from quavelet.core.units import NS_PER_MS
+from quavelet.core.units import NS_PER_MS, NS_PER_S
 from quavelet.mpu6050 import registers as r
 from quavelet.mpu6050.access import RegisterAccess
 from quavelet.mpu6050.config import ChipConfig, configuration_table
@@ -25,6 +25,7 @@ SETTLE_WAIT_MS = 100
 SHORTEST_MS = 10
 RESET_MS = 100
 """RM p. 41: a chip that was reset, by whatever, takes nothing for so long."""
+RESET_GIVE_UP_NS = NS_PER_S
 _MAX_BAD_ROUNDS = 20
 _MAX_LOOKS = 5
 _MAX_GIVING_BACK = 5
@@ -58,6 +59,21 @@ def set_up(chip: RegisterAccess, config: ChipConfig, *, variant: Variant, clock:
     sleep_ms(clock, PLL_WAIT_MS)
     write_rows(chip, others)
     sleep_ms(clock, SETTLE_WAIT_MS)
+
+
+def reset_chip(chip: RegisterAccess, *, variant: Variant, clock: Clock) -> None:
+    """Reset the chip and wait until it is out of it. Raises ChipUnstable where it does not come out, BusError."""
+    chip.write(r.PWR_MGMT_1, r.DEVICE_RESET.mask)
+    begin_ns = clock.now_ns()
+    while clock.now_ns() - begin_ns < RESET_GIVE_UP_NS:
+        sleep_ms(clock, RESET_MS)
+        power = chip.read(r.PWR_MGMT_1)
+        if not (power ^ variant.pwr_mgmt_1_reset) & variant.pwr_mgmt_1_sure:
+            return
+    raise ChipUnstable(
+        f"the chip at 0x{chip.address:02x} does not come out of its reset: check its supply voltage, then power it off "
+        f"and on"
+    )
 
 
 @contextmanager

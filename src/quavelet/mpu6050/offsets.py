@@ -12,14 +12,21 @@ import numpy as np
 
 from quavelet.core.blocks import FloatArray
 from quavelet.core.clock import Clock
-from quavelet.core.errors import CalibrationError, ChipUnstable
-from quavelet.core.units import NS_PER_MS
+from quavelet.core.errors import CalibrationError
 from quavelet.mpu6050 import registers as r
 from quavelet.mpu6050.access import RegisterAccess
 from quavelet.mpu6050.config import ACCEL_LSB_PER_G as COUNTS_PER_G
 from quavelet.mpu6050.config import GYRO_LSB_PER_DPS as COUNTS_PER_DPS
 from quavelet.mpu6050.half_scale import is_half_scale
-from quavelet.mpu6050.measuring import average, measuring_config, read_steadily, set_up, sleep_ms, write_rows
+from quavelet.mpu6050.measuring import (
+    average,
+    measuring_config,
+    read_steadily,
+    reset_chip,
+    set_up,
+    sleep_ms,
+    write_rows,
+)
 from quavelet.mpu6050.offset_plan import ACCEL_LSB_PER_G, GYRO_LSB_PER_DPS, OffsetPlan, Words
 from quavelet.mpu6050.variants import Variant
 
@@ -32,7 +39,6 @@ TRY_WORDS = 64
 """Written to find the direction: 31 mg and 2 deg/s, far above noise and far below what would clip."""
 MOVED_DPS = 1.0
 MOVED_G = 0.03
-RESET_MS = 100
 _LSB = np.array([ACCEL_LSB_PER_G] * 3 + [GYRO_LSB_PER_DPS] * 3)
 _LIMIT = np.array([MOVED_G] * 3 + [MOVED_DPS] * 3) * _LSB
 _AXES = ("accel x", "accel y", "accel z", "gyro x", "gyro y", "gyro z")
@@ -67,7 +73,7 @@ def write_offsets(
     the plan. Raises CalibrationError where the board moves, an offset has no effect or the residual grows, after which
     the factory's words are in the registers again; BusError; ChipUnstable.
     """
-    _reset(chip, variant, clock)
+    reset_chip(chip, variant=variant, clock=clock)
     factory = read_words(chip, variant=variant)
     set_up(chip, measuring_config(2, dlpf=2), variant=variant, clock=clock)
     half = is_half_scale(chip, variant=variant)
@@ -171,17 +177,3 @@ def _moved(factory: OffsetPlan, by: FloatArray) -> OffsetPlan:
 def _words_per_count(*, half: bool) -> FloatArray:
     accel = ACCEL_LSB_PER_G / (COUNTS_PER_G[2] * (0.5 if half else 1.0))
     return np.array([accel] * 3 + [GYRO_LSB_PER_DPS / COUNTS_PER_DPS[250]] * 3)
-
-
-def _reset(chip: RegisterAccess, variant: Variant, clock: Clock) -> None:
-    chip.write(r.PWR_MGMT_1, r.DEVICE_RESET.mask)
-    begin_ns = clock.now_ns()
-    while clock.now_ns() - begin_ns < 1000 * NS_PER_MS:
-        sleep_ms(clock, RESET_MS)
-        power = chip.read(r.PWR_MGMT_1)
-        if not (power ^ variant.pwr_mgmt_1_reset) & variant.pwr_mgmt_1_sure:
-            return
-    raise ChipUnstable(
-        f"the chip at 0x{chip.address:02x} does not come out of its reset: check its supply voltage, then power it off "
-        f"and on"
-    )

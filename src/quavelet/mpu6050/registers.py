@@ -94,6 +94,10 @@ CONFIG = Register(0x1A, "CONFIG", 13)
 GYRO_CONFIG = Register(0x1B, "GYRO_CONFIG", 14)
 ACCEL_CONFIG = Register(0x1C, "ACCEL_CONFIG", 15)
 ACCEL_CONFIG_2 = Register(0x1D, "ACCEL_CONFIG_2", 0, known_from="RM9250 register 29", class_6500=True)
+_BEFORE_REV_42 = "the register map before rev 4.2"
+LP_ACCEL_ODR = Register(0x1E, "LP_ACCEL_ODR", 0, known_from="RM9250 register 30", class_6500=True)
+MOT_THR = Register(0x1F, "MOT_THR", 0, known_from=f"{_BEFORE_REV_42}; WOM_THR of RM9250 register 31")
+MOT_DUR = Register(0x20, "MOT_DUR", 0, known_from=_BEFORE_REV_42)
 FIFO_EN = Register(0x23, "FIFO_EN", 16)
 I2C_MST_CTRL = Register(0x24, "I2C_MST_CTRL", 17)
 INT_PIN_CFG = Register(0x37, "INT_PIN_CFG", 26)
@@ -104,6 +108,8 @@ TEMP_OUT = Register(0x41, "TEMP_OUT_H", 30, access="r", length=2)
 GYRO_OUT = Register(0x43, "GYRO_XOUT_H", 31, access="r", length=6)
 EXT_SENS_DATA = Register(0x49, "EXT_SENS_DATA_00", 32, access="r", length=24)
 SIGNAL_PATH_RESET = Register(0x68, "SIGNAL_PATH_RESET", 37)
+MOT_DETECT_CTRL = Register(0x69, "MOT_DETECT_CTRL", 0, known_from=_BEFORE_REV_42)
+ACCEL_INTEL_CTRL = Register(0x69, "ACCEL_INTEL_CTRL", 0, known_from="RM9250 register 105", class_6500=True)
 USER_CTRL = Register(0x6A, "USER_CTRL", 38)
 PWR_MGMT_1 = Register(0x6B, "PWR_MGMT_1", 40, 0x40)
 PWR_MGMT_2 = Register(0x6C, "PWR_MGMT_2", 42)
@@ -132,6 +138,9 @@ REGISTERS: tuple[Register, ...] = (
     GYRO_CONFIG,
     ACCEL_CONFIG,
     ACCEL_CONFIG_2,
+    LP_ACCEL_ODR,
+    MOT_THR,
+    MOT_DUR,
     FIFO_EN,
     I2C_MST_CTRL,
     INT_PIN_CFG,
@@ -142,6 +151,8 @@ REGISTERS: tuple[Register, ...] = (
     GYRO_OUT,
     EXT_SENS_DATA,
     SIGNAL_PATH_RESET,
+    MOT_DETECT_CTRL,
+    ACCEL_INTEL_CTRL,
     USER_CTRL,
     PWR_MGMT_1,
     PWR_MGMT_2,
@@ -167,10 +178,21 @@ ACCEL_HPF = Field(ACCEL_CONFIG, "ACCEL_HPF", 2, 0)
 FIFO_SIZE = Field(ACCEL_CONFIG_2, "FIFO_SIZE", 7, 6)
 """512 bytes, 1, 2 or 4 KiB; reserved in RM9250, known from InvenSense's motion driver and Linux's inv_mpu6050."""
 ACCEL_DLPF_CFG = Field(ACCEL_CONFIG_2, "ACCEL_FCHOICE_B_and_A_DLPF_CFG", 3, 0)
+LPOSC_CLKSEL = Field(LP_ACCEL_ODR, "LPOSC_CLKSEL", 3, 0)
 FIFO_SENSORS = Field(FIFO_EN, "TEMP_XG_YG_ZG_ACCEL", 7, 3)
 FIFO_SLAVES = Field(FIFO_EN, "SLV2_SLV1_SLV0", 2, 0)
+INT_LEVEL = Field(INT_PIN_CFG, "INT_LEVEL", 7, 7)
+INT_OPEN = Field(INT_PIN_CFG, "INT_OPEN", 6, 6)
+LATCH_INT_EN = Field(INT_PIN_CFG, "LATCH_INT_EN", 5, 5)
 INT_RD_CLEAR = Field(INT_PIN_CFG, "INT_RD_CLEAR", 4, 4)
 FIFO_OFLOW_EN = Field(INT_ENABLE, "FIFO_OFLOW_EN", 4, 4)
+MOT_EN = Field(INT_ENABLE, "MOT_EN", 6, 6)
+"""Not in rev 4.2, as MOT_INT; WOM_EN and WOM_INT of the 6500 class (RM9250 registers 56 and 58)."""
+DATA_RDY_EN = Field(INT_ENABLE, "DATA_RDY_EN", 0, 0)
+MOT_INT = Field(INT_STATUS, "MOT_INT", 6, 6)
+DATA_RDY_INT = Field(INT_STATUS, "DATA_RDY_INT", 0, 0)
+MOT_COUNT = Field(MOT_DETECT_CTRL, "MOT_COUNT", 1, 0)
+ACCEL_INTEL = Field(ACCEL_INTEL_CTRL, "ACCEL_INTEL_EN_and_MODE", 7, 6)
 FIFO_OFLOW_INT = Field(INT_STATUS, "FIFO_OFLOW_INT", 4, 4)
 USER_DMP_EN = Field(USER_CTRL, "DMP_EN", 7, 7)
 USER_FIFO_EN = Field(USER_CTRL, "FIFO_EN", 6, 6)
@@ -184,6 +206,9 @@ GYRO_STANDBY = Field(PWR_MGMT_1, "GYRO_STANDBY", 4, 4)
 TEMP_DIS = Field(PWR_MGMT_1, "TEMP_DIS", 3, 3)
 CLKSEL = Field(PWR_MGMT_1, "CLKSEL", 2, 0)
 STANDBY = Field(PWR_MGMT_2, "LP_WAKE_CTRL_and_STBY", 7, 0)
+LP_WAKE_CTRL = Field(PWR_MGMT_2, "LP_WAKE_CTRL", 7, 6)
+STBY_ACCEL = Field(PWR_MGMT_2, "STBY_XA_YA_ZA", 5, 3)
+STBY_GYRO = Field(PWR_MGMT_2, "STBY_XG_YG_ZG", 2, 0)
 
 CLOCK_PLL_GYRO_X = 1
 """CLKSEL: PLL on the gyroscope's x axis, 1 % (PS 6.6) where the internal oscillator is 5 %."""

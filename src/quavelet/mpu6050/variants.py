@@ -26,6 +26,9 @@ class Variant:
     class_6500          filters, offsets and self-test as in the MPU-6500
     pwr_mgmt_1_reset    PWR_MGMT_1 after a reset, in the bits of pwr_mgmt_1_sure: SLEEP goes by the part's one-time
                         programming, and what clones do with the clock nobody wrote down
+    motion_mg_per_lsb   a count of the motion threshold. Of the MPU-6050 it is in doubt: the register map before rev 4.2
+                        and i2cdevlib say 2 mg, PS 6.2 says 32; nobody has published a measurement. Of the 6500 class
+                        RM9250 register 31 says 4
     half_scale_made     early parts were made that give half the counts per g
     source              where all this is known from
     remark              what its owner should hear; empty for the chip this driver is named after
@@ -38,6 +41,7 @@ class Variant:
     temp_degc_per_lsb: float
     temp_degc_at_zero: float
     class_6500: bool = False
+    motion_mg_per_lsb: float = 2.0
     half_scale_made: bool = False
     pwr_mgmt_1_sure: int = _ALL_BUT_SLEEP
     source: str = ""
@@ -47,6 +51,11 @@ class Variant:
     def fifo_size(self) -> int:
         """The FIFO_SIZE that makes the FIFO of a chip of the 6500 class hold `fifo_bytes`."""
         return _FIFO_SIZES.index(self.fifo_bytes)
+
+    @property
+    def wake_rates_hz(self) -> tuple[float, ...]:
+        """How often it can wake in cycle mode, by LP_WAKE_CTRL (RM p. 42), or LP_ACCEL_ODR (RM9250 register 30)."""
+        return tuple(500 / 2**k for k in range(11, -1, -1)) if self.class_6500 else (1.25, 5.0, 20.0, 40.0)
 
     @property
     def accel_offsets(self) -> tuple[r.Register, r.Register, r.Register]:
@@ -77,6 +86,7 @@ def _class_6500(who_am_i: int, name: str, source: str) -> Variant:
         1 / 333.87,
         21.0,
         class_6500=True,
+        motion_mg_per_lsb=4.0,
         source=source,
         remark=f"WHO_AM_I 0x{who_am_i:02x}: it is an {name}, not an MPU-6050, and is driven as one",
     )
@@ -113,6 +123,7 @@ _TABLE = (
         1 / 326.8,
         25.0,
         class_6500=True,
+        motion_mg_per_lsb=4.0,
         pwr_mgmt_1_sure=_ALL_BUT_SLEEP_AND_CLOCK,
         source="the table of Linux's inv_mpu6050; users report it on most boards sold as MPU-6050 since 2021",
         remark="WHO_AM_I 0x98: it is an ICM-20689 or a clone of one, not an MPU-6050, and is driven as one",
