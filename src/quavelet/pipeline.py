@@ -11,6 +11,7 @@ from quavelet.calibration.model import UNCALIBRATED, ImuCalibration
 from quavelet.calibration.still_bias import StillBias, StillBiasState
 from quavelet.core.blocks import AttitudeBlock, RawBlock
 from quavelet.core.units import RAD_PER_DEG, STANDARD_GRAVITY_M_S2
+from quavelet.denoise.stage import Denoise, DenoiseState
 from quavelet.settings import Settings
 
 
@@ -19,25 +20,38 @@ class PipelineState:
     """The memory of every stage."""
 
     still_bias: StillBiasState
+    denoise: DenoiseState | None
     filter: PidState
 
 
 class Pipeline:
-    """`RawBlock` to `AttitudeBlock`: calibrate, take the bias at rest, filter. A `Stage` itself."""
+    """`RawBlock` to `AttitudeBlock`: calibrate, take the bias at rest, denoise if asked to, filter. A `Stage` itself.
 
-    def __init__(self, calibrate: Calibrate, still_bias: StillBias, attitude: PidFilter) -> None:
+    Denoising makes it late: samples come out `delay_ns` after they went in, and fewer of them at first.
+    """
+
+    def __init__(
+        self, calibrate: Calibrate, still_bias: StillBias, denoise: Denoise | None, attitude: PidFilter
+    ) -> None:
         self._calibrate = calibrate
         self._still_bias = still_bias
+        self._denoise = denoise
         self._attitude = attitude
 
     def process(self, block: RawBlock) -> AttitudeBlock:
-        return self._attitude.process(self._still_bias.process(self._calibrate.process(block)))
+        samples = self._still_bias.process(self._calibrate.process(block))
+        if self._denoise is None:
+            return self._attitude.process(samples)
+        return replace(self._attitude.process(self._denoise.process(samples)), delay_ns=self._denoise.delay_ns)
 
     def state(self) -> PipelineState:
-        return PipelineState(self._still_bias.state(), self._attitude.state())
+        denoise = self._denoise.state() if self._denoise else None
+        return PipelineState(self._still_bias.state(), denoise, self._attitude.state())
 
     def restore(self, state: PipelineState) -> None:
         self._still_bias.restore(state.still_bias)
+        if self._denoise is not None and state.denoise is not None:
+            self._denoise.restore(state.denoise)
         self._attitude.restore(state.filter)
 
 
@@ -52,8 +66,10 @@ def build_pipeline(settings: Settings, *, calibration: ImuCalibration = UNCALIBR
         gyro_bias_rad_s_degc=calibration.gyro_bias_sigma_rad_s_degc,
         gyro_scale=calibration.gyro_scale_sigma,
     )
+    row_filter = settings.denoise.build()
     return Pipeline(
         Calibrate(calibration),
         StillBias(window_s=settings.start.still_s),
+        Denoise(row_filter, sample_rate_hz=settings.chip.sample_rate_hz) if row_filter else None,
         PidFilter(settings.filter, residual=residual),
     )

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec import structs
 
 from quavelet.attitude.doubt import Residual
 from quavelet.attitude.pid import PidFilter, PidParams
@@ -14,6 +15,8 @@ from quavelet.calibration.calibrate import Calibrate
 from quavelet.calibration.model import ImuCalibration
 from quavelet.calibration.still_bias import StillBias
 from quavelet.core.blocks import Flag, ImuBlock, RawBlock, Scale, array_fields, concat
+from quavelet.denoise.params import DenoiseParams
+from quavelet.denoise.stage import Denoise
 from quavelet.pipeline import build_pipeline
 from quavelet.settings import PidParams as Params
 from quavelet.settings import Settings, StartSettings
@@ -58,7 +61,18 @@ def levelled_block(seed: int, n: int) -> ImuBlock:
     return StillBias(window_s=0.5).process(imu_block(seed, n))
 
 
+def denoised(**params):
+    """A stage of the pipeline's input and a maker of the stage: with gaps, stuck runs and a bias that is found."""
+    return levelled_block, lambda: Denoise(DenoiseParams(**params).build(), sample_rate_hz=200.0)
+
+
 QUICK = Settings(start=StartSettings(still_s=0.5), filter=Params(kp=1.0, ki=0.1, kd=0.3))
+
+
+def replace_denoise(settings: Settings, **params) -> Settings:
+    return structs.replace(settings, denoise=DenoiseParams(**params))
+
+
 STAGES = {
     "calibrate": (raw_block, lambda: Calibrate(TILTED)),
     "still bias": (imu_block, lambda: StillBias(window_s=0.5)),
@@ -66,6 +80,19 @@ STAGES = {
     "pid with all terms": (
         lambda seed, n: imu_block(seed, n, bias_unknown=False),
         lambda: PidFilter(PidParams(kp=1.0, ki=0.1, kd=0.5, method="exp"), residual=RESIDUAL),
+    ),
+    "wavelet": denoised(kind="wavelet"),
+    "wavelet, improved, each level's noise": denoised(
+        kind="wavelet", wavelet="haar", levels=3, shrink="improved", alpha=1.5, noise="level", threshold="level_scaled"
+    ),
+    "wavelet, power": denoised(kind="wavelet", levels=1, shrink="power", k=3.0),
+    "low-pass": denoised(kind="lowpass"),
+    "median": denoised(kind="median", window=7),
+    "hampel": denoised(kind="hampel"),
+    "smoother": denoised(kind="smoother"),
+    "the whole pipeline, denoised": (
+        raw_block,
+        lambda: build_pipeline(replace_denoise(QUICK, kind="wavelet", levels=1), calibration=TILTED),
     ),
     "the whole pipeline": (raw_block, lambda: build_pipeline(QUICK, calibration=TILTED)),
 }

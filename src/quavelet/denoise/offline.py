@@ -12,12 +12,8 @@ from quavelet.core.blocks import FloatArray
 from quavelet.denoise.median import median_filter
 from quavelet.denoise.shrink import Shrink, shrink
 from quavelet.denoise.signal import as_columns, like
-from quavelet.denoise.thresholds import Rule, mad_sigma, threshold
+from quavelet.denoise.thresholds import Noise, Rule, mad_sigma, threshold
 from quavelet.denoise.wavelets import decompose, recompose
-
-Noise = Literal["first", "level"]
-"""Whose details measure the noise: level 1's, or each level's own. Level 1 sees the least of the motion. A level's
-own is right for noise that is not white, but where a level holds motion most of the time it takes that for noise."""
 
 Reading = Literal["A", "C", "D"]
 

@@ -11,6 +11,13 @@ from quavelet.core.blocks import FloatArray
 
 Rule = Literal["universal", "level_scaled", "sure", "heursure"]
 
+StreamRule = Literal["universal", "level_scaled"]
+"""Those that need sigma only, which a stream can measure along the way."""
+
+Noise = Literal["first", "level"]
+"""Whose details measure the noise: level 1's, or each level's own. Level 1 sees the least of the motion. A level's
+own is right for noise that is not white, but where a level holds motion most of the time it takes that for noise."""
+
 MAD_PER_SIGMA = 0.6745
 """The median of |x| of a normal x, in its sigma."""
 

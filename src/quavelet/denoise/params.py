@@ -1,0 +1,87 @@
+"""The settings of the stage, and the filter they ask for."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import msgspec
+
+from quavelet.core.errors import SettingsError
+from quavelet.denoise.fir import FirFilter, approximation_taps
+from quavelet.denoise.hampel import ACCEL_FLOOR_M_S2, GYRO_FLOOR_RAD_S, HampelFilter
+from quavelet.denoise.median import MedianFilter
+from quavelet.denoise.rows import RowFilter
+from quavelet.denoise.shrink import Shrink
+from quavelet.denoise.smoother import LineSmoother
+from quavelet.denoise.thresholds import Noise, StreamRule
+from quavelet.denoise.undecimated import UndecimatedFilter
+
+Kind = Literal["none", "wavelet", "lowpass", "median", "hampel", "smoother"]
+
+MAX_DELAY = 1000
+"""Samples. A filter that waits for more is not one for a stream, and its memory grows with it."""
+_FLOORS = (GYRO_FLOOR_RAD_S,) * 3 + (ACCEL_FLOOR_M_S2,) * 3
+
+
+class DenoiseParams(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What is done to rate and acceleration before the attitude; whatever it is, both are delayed alike.
+
+    kind        "none"
+                "wavelet"   details below a threshold are shrunk; (2^levels - 1)(taps - 1) samples late
+                "lowpass"   no details at all: one linear filter, as late as "wavelet"
+                "median"    of a window; (window - 1)/2 late
+                "hampel"    only impulses are replaced, by the median of the window; (window - 1)/2 late
+                "smoother"  a straight line through the past; not late
+    wavelet     of "wavelet" and "lowpass": "db3", "db4", "sym6", ...
+    levels      of both
+    threshold   of "wavelet": "universal" or "level_scaled"
+    noise       of "wavelet": sigma from the "first" level, or of each "level" by itself
+    shrink      of "wavelet": "soft", "hard", "improved", "sigmoid", "power"; k and alpha for the last three
+    window      of "median" and "hampel", odd, samples
+    sigmas      of "hampel": how far from the median an impulse is
+    forgetting  of "smoother", from 0 to 1, the larger the smoother
+    """
+
+    kind: Kind = "none"
+    wavelet: str = "db3"
+    levels: int = 2
+    threshold: StreamRule = "universal"
+    noise: Noise = "first"
+    shrink: Shrink = "soft"
+    k: float = 16.0
+    alpha: float = 1.0
+    window: int = 5
+    sigmas: float = 4.0
+    forgetting: float = 0.6
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.levels <= 10:
+            raise SettingsError(f"levels = {self.levels} does not fit: give 1 to 10")
+        # What is wrong is wrong whatever the kind: else it would show only when the kind is changed.
+        for kind in ("wavelet", "lowpass", "median", "hampel", "smoother"):
+            try:
+                row_filter = self._filter(kind)
+            except ValueError as error:
+                raise SettingsError(str(error)) from error
+            if row_filter.delay > MAX_DELAY:
+                raise SettingsError(
+                    f"{kind} would be {row_filter.delay} samples late: give fewer levels, a shorter wavelet or a "
+                    f"shorter window, so that it is {MAX_DELAY} at most"
+                )
+
+    def build(self) -> RowFilter | None:
+        """A new filter for rows of rate x y z in rad/s and acceleration x y z in m/s^2; None for "none"."""
+        return None if self.kind == "none" else self._filter(self.kind)
+
+    def _filter(self, kind: Kind) -> RowFilter:
+        if kind == "median":
+            return MedianFilter(self.window)
+        if kind == "hampel":
+            return HampelFilter(self.window, sigmas=self.sigmas, floor=_FLOORS)
+        if kind == "smoother":
+            return LineSmoother(self.forgetting)
+        wavelet = UndecimatedFilter(
+            self.wavelet, self.levels, rule=self.threshold, noise=self.noise, shrink=self.shrink, k=self.k,
+            alpha=self.alpha,
+        )  # fmt: skip
+        return wavelet if kind == "wavelet" else FirFilter(approximation_taps(self.wavelet, self.levels))
