@@ -15,7 +15,6 @@ from quavelet.attitude.pid import PidParams
 from quavelet.core.errors import SettingsError
 from quavelet.denoise.params import DenoiseParams
 from quavelet.mpu6050.config import ChipConfig
-from quavelet.mpu6050.offset_settings import OffsetSettings
 
 Value = str | int | float | bool
 Tables = dict[str, dict[str, Value]]
