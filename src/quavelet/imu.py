@@ -48,6 +48,7 @@ class Imu:
             address=settings.bus.address,
             config=settings.chip,
             accept_id=settings.bus.accept_id,
+            offsets=settings.offsets.plan(),
             clock=clock,
             health=self.health,
             on_stream=on_stream,

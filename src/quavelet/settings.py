@@ -15,6 +15,7 @@ from quavelet.attitude.pid import PidParams
 from quavelet.core.errors import SettingsError
 from quavelet.denoise.params import DenoiseParams
 from quavelet.mpu6050.config import ChipConfig
+from quavelet.mpu6050.offset_settings import OffsetSettings
 
 Value = str | int | float | bool
 Tables = dict[str, dict[str, Value]]
@@ -93,6 +94,7 @@ class Settings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
 
     bus: BusSettings = BusSettings()
     chip: ChipConfig = ChipConfig(gyro_range_dps=500, accel_range_g=4, dlpf=3, sample_rate_hz=200.0)
+    offsets: OffsetSettings = OffsetSettings()
     start: StartSettings = StartSettings()
     denoise: DenoiseParams = DenoiseParams()
     filter: PidParams = PidParams()

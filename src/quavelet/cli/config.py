@@ -55,7 +55,7 @@ def _toml_line(key: str, value: Value, origin: str) -> str:
     # A TOML value of these types (text, numbers, booleans, lists of numbers) is written as in JSON, but for DEL.
     text = (
         f"0x{value:02x}"
-        if key in ("address", "accept_id")
+        if key in ("address", "accept_id", "who_am_i")
         else msgspec.json.encode(value).decode().replace("\x7f", "\\u007f")
     )
     comment = "".join(c if c.isprintable() else "?" for c in origin)
