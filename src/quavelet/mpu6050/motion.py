@@ -71,7 +71,7 @@ def watching_motion(
     clock: Clock,
     threshold_mg: float,
     duration_ms: int = 1,
-    high_pass_hz: float = 5.0,
+    high_pass_hz: float = 0.63,
     mg_per_lsb: float | None = None,
 ) -> Iterator[Motion]:
     """The chip told to watch for motion, and awake; afterwards it is as it was.
