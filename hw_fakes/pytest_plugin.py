@@ -165,7 +165,7 @@ def bench(
         chip = {"personality": product.personality, "aux": master, **chip}
     the_chip = FakeMpu6050(clock, motion=None if "source" in chip else motion, **chip)
     the_bus = FakeBus({address: the_chip}, clock=clock, name="fake:bench")
-    for at, target in (the_chip.aux.outside(the_chip.registers) if the_chip.aux else {}).items():
+    for at, target in (the_chip.aux.outside() if the_chip.aux else {}).items():
         the_bus.adapter.attach(at, target)
     for entry in parse_lines(faults):
         the_bus.adapter.faults.add(entry)

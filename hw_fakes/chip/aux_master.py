@@ -142,6 +142,11 @@ class AuxMaster:
         self.clock = clock
         self.busy_ns = 0
         self._lengths: dict[int, int] = {}  # bytes that each read slave has in EXT_SENS_DATA
+        self._registers: bytes | bytearray = bytes(reg.COUNT)
+
+    def behind(self, registers: bytes | bytearray) -> None:
+        """From now on it is the chip with this register file that opens and closes the bypass."""
+        self._registers = registers
 
     def active(self, registers: bytes | bytearray) -> bool:
         """Whether a sample would do anything: the master is on, and so is a slave."""
@@ -155,9 +160,11 @@ class AuxMaster:
             return False
         return bool(registers[reg.INT_PIN_CFG] & I2C_BYPASS_EN)
 
-    def outside(self, registers: bytes | bytearray) -> dict[int, Bypassed]:
-        """The chips as the outer bus sees them, by address; `registers` is the chip's own register file."""
-        return {address: Bypassed(target, lambda: self.bypass(registers)) for address, target in self.targets.items()}
+    def outside(self) -> dict[int, Bypassed]:
+        """The chips as the outer bus sees them, by address."""
+        return {
+            address: Bypassed(target, lambda: self.bypass(self._registers)) for address, target in self.targets.items()
+        }
 
     def reset(self) -> None:
         """I2C_MST_RESET: the places in EXT_SENS_DATA are given anew."""

@@ -94,6 +94,8 @@ class FakeMpu6050:
             )
         self.source = source
         self.registers = bytearray(reg.COUNT)
+        if aux:
+            aux.behind(self.registers)
         self.fifo = Fifo(size=personality.fifo_bytes[0])
         self.written: list[tuple[int, int]] = []
         self._memory = DmpMemory()

@@ -226,7 +226,13 @@ class Swapped(ChipFault):
         )
         new.clock = old.clock
         site.put(new)
-        return Struck(Touch(f"{personality.name}, 0x{personality.who_am_i:02x}"), lambda: site.put(old))
+
+        def undo() -> None:
+            site.put(old)
+            if old.aux:
+                old.aux.behind(old.registers)
+
+        return Struck(Touch(f"{personality.name}, 0x{personality.who_am_i:02x}"), undo)
 
 
 @dataclass(frozen=True, slots=True)

@@ -83,7 +83,7 @@ def new_chip(which: str, *, clock: Clock, making: Making) -> FakeMpu6050:
 def attach(adapter: Adapter, address: int, chip: FakeMpu6050) -> None:
     """Put a chip on the wires, and behind its bypass what its board has on the auxiliary bus. Raises ValueError."""
     adapter.attach(address, chip)
-    for at, target in (chip.aux.outside(chip.registers) if chip.aux else {}).items():
+    for at, target in (chip.aux.outside() if chip.aux else {}).items():
         adapter.attach(at, target)
 
 

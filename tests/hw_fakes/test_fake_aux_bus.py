@@ -64,7 +64,8 @@ def test_bypass_needs_its_bit_and_the_master_off():
 def test_chip_behind_the_bypass_is_silent_while_that_is_closed():
     bench = Bench()
     bench.wr(0x6A, 0x00)
-    door = bench.master.outside(bench.registers)[CHIP]
+    bench.master.behind(bench.registers)
+    door = bench.master.outside()[CHIP]
     with pytest.raises(Nack):
         door.write(b"\x10")
     with pytest.raises(Nack):

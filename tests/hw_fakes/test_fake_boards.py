@@ -81,9 +81,9 @@ def test_gy_521_has_nothing_behind_it_and_a_slave_there_is_not_acknowledged():
 
 def test_magnetometer_of_a_gy_87_answers_only_once_the_bypass_is_open():
     clock = VirtualClock()
-    chip = FakeMpu6050(clock, motion=LYING)
     master = board("gy-87").aux_master(clock, LYING, imperfections=PERFECT_MAGNETOMETER)
-    bus = FakeBus({0x68: chip, **master.outside(chip.registers)}, clock=clock)
+    chip = FakeMpu6050(clock, motion=LYING, aux=master)
+    bus = FakeBus({0x68: chip, **master.outside()}, clock=clock)
     bus.write(0x68, b"\x6b\x01")
     with pytest.raises(BusError):
         bus.write_read(0x0D, b"\x0d", 1)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import errno
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from fault_ways import WAYS, happened, let_happen, names
 
-from hw_fakes import TYPICAL, Sway
+from hw_fakes import TYPICAL, FakeBus, FakeMpu6050, Sway
+from hw_fakes.boards import board as product
 from hw_fakes.faults.of_chip import (
     BrownOut,
     Changed,
@@ -22,6 +24,7 @@ from hw_fakes.faults.of_chip import (
     WrongTemperature,
 )
 from hw_fakes.faults.plan import FaultEntry
+from quavelet.core.clock import VirtualClock
 from quavelet.core.errors import DeviceMissing
 
 pytestmark = pytest.mark.parametrize("way", WAYS)
@@ -192,6 +195,33 @@ def test_another_chip_answers_as_the_first(board, way):
     assert board.chip.world_time_s(board.clock.now_ns()) == pytest.approx(board.clock.now_ns() / 1e9)
     board.wait_ms(300)
     assert (board.byte(0x75), board.byte(0x19)) == (0x68, 9)
+
+
+def test_chip_put_in_its_place_lets_the_first_ones_bypass_stand_open(way):
+    """Its own is closed after power-up, and opened it opens the way; the first one's is as it was when it is back."""
+    clock = VirtualClock()
+    master = product("gy-87").aux_master(clock, Sway())
+    chip = FakeMpu6050(clock, motion=Sway(), aux=master)
+    bus = FakeBus({0x68: chip, **master.outside()}, clock=clock)
+    outer = SimpleNamespace(bus=bus, clock=clock, wait_ms=lambda ms: clock.advance_ns(round(ms * 1e6)))
+
+    def magnetometer_answers():
+        try:
+            return bool(bus.write_read(0x0D, b"\x0d", 1))
+        except DeviceMissing:
+            return False
+
+    bus.write(0x68, b"\x6b\x01")
+    bus.write(0x68, b"\x37\x02")
+    assert magnetometer_answers()
+    let_happen(outer, way, Swapped("MPU-9250"), for_s=0.3)
+    assert not magnetometer_answers()
+    bus.write(0x68, b"\x37\x02")
+    assert magnetometer_answers()
+    bus.write(0x68, b"\x37\x00")
+    assert not magnetometer_answers()
+    outer.wait_ms(300)
+    assert magnetometer_answers()
 
 
 def test_an_unplugged_chip_answers_or_does_not_come_back(board, way):
