@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, nullcontext, suppress
 from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated
@@ -14,14 +14,14 @@ import msgspec
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
-from rich.table import Table
 from rich.text import Text
 
 from quavelet.cli import exits
 from quavelet.cli.run import talk
+from quavelet.cli.tables import console_for, table_of
 from quavelet.study import papers, reproduction
 from quavelet.study.experiment import Effort, Experiment, Result, Row
-from quavelet.study.page import Cell, check_drawing, html_page, write, write_pictures
+from quavelet.study.page import check_drawing, html_page, write, write_pictures
 from quavelet.study.running import Step, run_all
 
 Papers = Annotated[list[str] | None, typer.Argument(metavar="[000|001|002|003|004|all]...", help="Which papers [all].")]
@@ -33,9 +33,6 @@ Out = Annotated[
 Quick = Annotated[
     bool, typer.Option("--quick", help="Fewer runs: within a minute, rows that need all of them unjudged.")
 ]
-_STYLES = {"": "", "good": "green", "bad": "red", "doubt": "yellow"}
-_PIPE_WIDTH = 10_000
-"""In a file or a pipe each row is a line, for grep."""
 
 
 def reproduce(paper: Papers = None, json: AsJson = False, out: Out = None, quick: Quick = False) -> None:
@@ -51,7 +48,9 @@ def reproduce(paper: Papers = None, json: AsJson = False, out: Out = None, quick
     results = []
     with _progress(experiments) as tell, closing(run_all(experiments, effort, tell=tell)) as finished:
         for experiment, result in finished:
-            show(experiment, result)
+            # A reader who has seen enough (`| head`) ends it, but not the page that is to be written.
+            with suppress(typer.Exit) if out else nullcontext():
+                show(experiment, result)
             results.append((experiment, result))
     if out is not None:
         _write(results, effort, out)
@@ -128,8 +127,7 @@ def _plain(experiment: Experiment, row: Row) -> dict[str, str | float | bool]:
 
 
 def _show_tables(experiment: Experiment, result: Result) -> None:
-    to_terminal = sys.stdout.isatty()
-    console = Console(file=sys.stdout, width=None if to_terminal else _PIPE_WIDTH, highlight=False)
+    console = console_for(sys.stdout)
     with console.capture() as written:
         console.print(Text(f"{experiment.paper}  {experiment.title}", style="bold"))
         console.print(Text(experiment.headline))
@@ -140,18 +138,9 @@ def _show_tables(experiment: Experiment, result: Result) -> None:
         ):
             if rows:
                 console.print()
-                console.print(_table(head, [reproduction.cells(row) for row in rows], numbers))
+                console.print(table_of(head, [reproduction.cells(row) for row in rows], numbers))
         for row in reproduction.failed_rows(result.rows):
             console.print(Text(f"outside its band: {row.id} {row.what}. {row.note}", style="red"))
         for remark in result.remarks:
             console.print(Text(f"- {remark}"))
     exits.put("\n".join(line.rstrip() for line in written.get().splitlines()) + "\n")
-
-
-def _table(head: Sequence[str], rows: Sequence[Sequence[Cell]], numbers: frozenset[int]) -> Table:
-    table = Table(box=None, pad_edge=False, header_style="bold", padding=(0, 2, 0, 0))
-    for k, name in enumerate(head):
-        table.add_column(name, justify="right" if k in numbers else "left", no_wrap=k != 1)
-    for row in rows:
-        table.add_row(*(Text(cell.text, style=_STYLES[cell.mark]) for cell in row))
-    return table

@@ -9,6 +9,8 @@ from html import escape
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
+
 from quavelet.core.errors import ImuError, SettingsError
 from quavelet.study.experiment import Chart
 
@@ -70,7 +72,8 @@ th{background:var(--head);text-align:left;font-weight:600;vertical-align:bottom}
 th,td{padding:.3rem .6rem;border-bottom:1px solid var(--line)}
 td{vertical-align:top;min-width:3.5rem}
 td.long{min-width:14rem}
-.n{text-align:right;white-space:nowrap;font-variant-numeric:tabular-nums}
+.n{text-align:right;font-variant-numeric:tabular-nums}
+td.n{white-space:nowrap}
 .good{color:var(--good)}.bad{color:var(--bad);font-weight:600}.doubt{color:var(--doubt)}
 .charts{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(100%,29rem),1fr));gap:1rem;margin:1rem 0}
 figure{margin:0;min-width:0}
@@ -78,6 +81,13 @@ figure svg{width:100%;height:auto;display:block}
 figcaption{font-size:.875rem;color:var(--soft);max-width:44rem}
 footer{margin-top:3rem;color:var(--soft);font-size:.875rem}
 """
+
+
+def significant(value: float, digits: int) -> str:
+    """`value` with so many digits that count, without an exponent where that can be read."""
+    if value == 0.0 or not 1e-6 <= abs(value) < 1e7:
+        return f"{value:.{digits}g}"
+    return np.format_float_positional(value, precision=digits, unique=False, fractional=False, trim="-")
 
 
 def html_page(title: str, words: Sequence[str], sections: Sequence[Section], *, foot: str) -> str:

@@ -16,6 +16,7 @@ import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
 from quavelet.core.blocks import FloatArray
@@ -30,8 +31,9 @@ _SIZE_IN = (5.6, 3.5)
 """Small, so that its letters are still letters on a telephone."""
 _BUCKETS = 700
 """A longer line is drawn by the least and the greatest value of so many stretches."""
-_LEGEND_WIDTH = 62
+_LEGEND_WIDTH = 68
 """Letters of one line of the legend."""
+_TITLE_WIDTH = 58
 _OWN_GROUND = """<style>
 svg{color:#212529;background:#fff}
 @media(prefers-color-scheme:dark){svg{color:#dee2e6;background:#16181d}}
@@ -112,14 +114,16 @@ def _styled(chart: Chart) -> Iterator[None]:
 def _drawn(chart: Chart, colours: Mapping[str, str]) -> Figure:
     figure = Figure(figsize=_SIZE_IN, layout="constrained")
     axes = figure.add_subplot()
-    figure.suptitle("\n".join(wrap(chart.title, _LEGEND_WIDTH - 4)), x=0.01, ha="left", fontsize=11, fontweight="bold")
+    figure.suptitle("\n".join(wrap(chart.title, _TITLE_WIDTH)), x=0.01, ha="left", fontsize=11, fontweight="bold")
     axes.set_xlabel(chart.x_label)
     axes.set_ylabel(chart.y_label)
     if chart.kind == "bars":
         _bars(axes, chart, colours)
     else:
-        for curve in chart.curves:
-            _curve(axes, curve, colours, points=chart.kind == "points", log_x=chart.log_x)
+        # The first is the one that is spoken of: it lies on top.
+        for depth, curve in enumerate(chart.curves):
+            drawn = _curve(axes, curve, colours, points=chart.kind == "points", log_x=chart.log_x)
+            drawn.set_zorder(3.0 - depth / 100.0)
         axes.margins(x=0.02)
         if chart.kind == "points" and all((curve.x == np.round(curve.x)).all() for curve in chart.curves):
             axes.xaxis.set_major_locator(MaxNLocator(integer=True))
@@ -142,15 +146,16 @@ def _drawn(chart: Chart, colours: Mapping[str, str]) -> Figure:
     return figure
 
 
-def _curve(axes: Axes, curve: Curve, colours: Mapping[str, str], *, points: bool, log_x: bool) -> None:
+def _curve(axes: Axes, curve: Curve, colours: Mapping[str, str], *, points: bool, log_x: bool) -> Line2D:
     colour = GREY if curve.dashed else colours[curve.label]
     label = curve.label or None
     if points and not curve.dashed:
-        axes.plot(curve.x, curve.y, linestyle="none", marker="o", markersize=3.5, color=colour, label=label)
-        return
+        (line,) = axes.plot(curve.x, curve.y, linestyle="none", marker="o", markersize=3.5, color=colour, label=label)
+        return line
     x, y = (curve.x, curve.y) if log_x else _thinned(curve.x, curve.y)
-    style = "--" if curve.dashed else "-"
-    axes.plot(x, y, linestyle=style, linewidth=1.1 if curve.dashed else None, color=colour, label=label)
+    width = 1.1 if curve.dashed or len(x) > _BUCKETS else 1.6
+    (line,) = axes.plot(x, y, linestyle="--" if curve.dashed else "-", linewidth=width, color=colour, label=label)
+    return line
 
 
 def _bars(axes: Axes, chart: Chart, colours: Mapping[str, str]) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from math import isinf, isnan
 
 from quavelet.study.experiment import Experiment, Result, Row, Verdict
-from quavelet.study.page import Cell, Mark, Section, Table
+from quavelet.study.page import Cell, Mark, Section, Table, significant
 
 PRINTED_HEAD = ("id", "what", "the paper prints", "got", "band", "verdict")
 ACCEPTANCE_HEAD = ("id", "what", "got", "band", "passed")
@@ -36,7 +36,7 @@ def failed_rows(rows: Iterable[Row]) -> list[Row]:
 
 def got_text(row: Row) -> str:
     """What this program got, with its unit."""
-    return "none" if isnan(row.got) else f"{_number(row.got)} {row.unit}".rstrip()
+    return "none" if isnan(row.got) else f"{significant(row.got, 4)} {row.unit}".rstrip()
 
 
 def band_text(row: Row) -> str:
@@ -44,8 +44,12 @@ def band_text(row: Row) -> str:
     if not row.judged:
         return ""
     if isinf(row.low):
-        return f"<= {_number(row.high)}"
-    return f">= {_number(row.low)}" if isinf(row.high) else f"{_number(row.low)} to {_number(row.high)}"
+        return f"<= {significant(row.high, 4)}"
+    return (
+        f">= {significant(row.low, 4)}"
+        if isinf(row.high)
+        else f"{significant(row.low, 4)} to {significant(row.high, 4)}"
+    )
 
 
 def passed_text(row: Row) -> str:
@@ -104,7 +108,3 @@ def summary(results: Iterable[tuple[Experiment, Result]]) -> Section:
 
 def _why(row: Row) -> str:
     return f"{row.note} Reading: {row.reading}" if row.note and row.reading else row.note or row.reading
-
-
-def _number(value: float) -> str:
-    return f"{value:.4g}" if value == 0.0 or 1e-4 <= abs(value) < 1e5 else f"{value:.2g}"

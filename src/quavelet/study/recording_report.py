@@ -1,0 +1,261 @@
+"""One recording worked through: every method's attitude and figures, the sensors' noise, and its part of the page."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from math import isnan
+
+import numpy as np
+
+from quavelet.calibration.allan import ACCEL, GYRO, AllanCurve, DataSheet, NoiseFit, Term, allan_deviation, fit_noise
+from quavelet.calibration.calibrate import Calibrate
+from quavelet.calibration.model import UNCALIBRATED
+from quavelet.core.blocks import AttitudeBlock, Flag, FloatArray, ImuBlock, concat
+from quavelet.core.units import DEG_PER_RAD, NS_PER_S
+from quavelet.pipeline import build_pipeline
+from quavelet.settings import Settings
+from quavelet.study.experiment import Chart, Curve
+from quavelet.study.methods import DEFAULT, Method, methods
+from quavelet.study.page import Cell, Mark, Section, Table, significant
+from quavelet.study.recorded import Recorded
+from quavelet.study.scores import Score, angles_deg, score, settled_from, still_rows, truth_errors_deg
+
+AXES, ANGLES = "xyz", ("roll", "pitch", "yaw")
+NOISE_FROM_S = 10.0
+"""Noise is measured in a still stretch of at least this."""
+DRAWN_ROWS = 6000
+"""A curve of more points is thinned before it is drawn: no screen has so many."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Ran:
+    """A method and what it gave."""
+
+    method: Method
+    block: AttitudeBlock
+    score: Score
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AxisNoise:
+    """One axis of a sensor that lay still: its Allan deviation, and what that is made of (None: the record is too
+    short to say); `mean` is what it read, SI."""
+
+    sheet: DataSheet
+    axis: str
+    mean: float
+    curve: AllanCurve
+    fit: NoiseFit | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Report:
+    """All of it.
+
+    still  rows of the longest stretch in which the board lay still
+    start  the row from which on the methods are scored: there the default is settled
+    """
+
+    recorded: Recorded
+    imu: ImuBlock
+    runs: tuple[Ran, ...]
+    noise: tuple[AxisNoise, ...]
+    still: slice
+    start: int
+
+
+def work_through(recorded: Recorded, base: Settings, *, tell: Callable[[str], None]) -> Report:
+    """Every method over the recording, each as it would have run live; `tell` is called with each one's name."""
+    blocks = []
+    chosen = methods(base)
+    for method in chosen:
+        tell(method.name)
+        pipeline = build_pipeline(method.settings)
+        blocks.append(concat([pipeline.process(run) for run in recorded.runs]))
+    reference = blocks[[method.name for method in chosen].index(DEFAULT)]
+    start = settled_from(reference)
+    still = still_rows(reference, start=start)
+    scores = [score(block, reference, still=still, start=start, truth=recorded.truth) for block in blocks]
+    tell("noise")
+    imu = concat([Calibrate(UNCALIBRATED).process(run) for run in recorded.runs])
+    runs = tuple(Ran(*one) for one in zip(chosen, blocks, scores, strict=True))
+    return Report(recorded, imu, runs, _noise(imu[still]), still, start)
+
+
+def section(report: Report, name: str) -> Section:
+    """Its part of the page; `name` keeps the charts' file names apart."""
+    recorded = report.recorded
+    return Section(
+        str(recorded.path),
+        (_about(report), *([recorded.damage + "."] if recorded.damage else [])),
+        (method_table(report), *([noise_table(report.noise)] if report.noise else [])),
+        _charts(report, name),
+        tuple(_remarks(report)),
+    )
+
+
+def figures(report: Report, ran: Ran) -> dict[str, float]:
+    """The figures of a method that this recording can give, each by its name with the unit."""
+    found: dict[str, float] = {}
+    if report.recorded.truth is not None:
+        found["rms tilt error, deg"] = ran.score.truth
+        found["largest tilt error, deg"] = ran.score.truth_max
+        found["heading error at the end, deg"] = ran.score.heading
+    found["vertical against the accelerometer, rms deg"] = ran.score.gravity
+    if report.still.stop > report.still.start:
+        for k, angle in enumerate(ANGLES):
+            found[f"{angle} wander at rest, deg"] = ran.score.wander[k]
+            found[f"{angle} rms at rest, deg"] = ran.score.wander_rms[k]
+    found["apart from the default, rms deg"] = ran.score.apart
+    return found
+
+
+def method_table(report: Report) -> Table:
+    """A row a figure, a column a method: so it fits a terminal."""
+    by_method = [figures(report, ran) for ran in report.runs]
+    rows = tuple((Cell(name), *(Cell(_deg(found[name])) for found in by_method)) for name in by_method[0])
+    head = ("", *(ran.method.name for ran in report.runs))
+    return Table("Methods side by side", head, rows, numbers=frozenset(range(1, len(head))))
+
+
+def noise_table(noise: Sequence[AxisNoise]) -> Table:
+    """A row an axis: the noise of a board that lies still, in the data sheet's units."""
+    head = (
+        "sensor", "axis", "mean", "density, /rtHz", "data sheet", "that is", "bias instability", "random walk, /rts",
+        "drift, /h", "least deviation", "averaged over",
+    )  # fmt: skip
+    rows = []
+    for one in noise:
+        sheet = one.sheet
+        unit = 1.0 / sheet.unit_si
+        least, tau_s = one.curve.minimum()
+        word = sheet.word(one.fit.density.value) if one.fit else ""
+        marks: dict[str, Mark] = {"good": "good", "poor": "bad"}
+        terms = ["", "", "", ""]
+        if one.fit:
+            shown = ((one.fit.density, unit), (one.fit.instability, unit), (one.fit.walk, unit))
+            terms = [*(_term(term, factor) for term, factor in shown), _term(one.fit.ramp, 3600.0 * unit)]
+        rows.append(
+            (
+                Cell(f"{sheet.name}, {sheet.unit}"),
+                Cell(one.axis),
+                Cell(significant(one.mean * unit, 4)),
+                Cell(terms[0]),
+                Cell(f"{sheet.density:g}"),
+                Cell(word, marks.get(word, "")),
+                *(Cell(term) for term in terms[1:]),
+                Cell(significant(least * unit, 3)),
+                Cell(f"{tau_s:.0f} s"),
+            )
+        )
+    return Table("Noise at rest", head, tuple(rows), numbers=frozenset({2, 3, 4, 6, 7, 8, 9, 10}))
+
+
+def _noise(imu: ImuBlock) -> tuple[AxisNoise, ...]:
+    """Both sensors' axes over a still stretch; nothing where it is too short."""
+    if not len(imu) or len(imu) * float(imu.period_s[0]) < NOISE_FROM_S:
+        return ()
+    period_s = float(imu.t_ns[-1] - imu.t_ns[0]) / NS_PER_S / (len(imu) - 1)
+    found = []
+    for sheet, values in ((GYRO, imu.gyro_rad_s + imu.gyro_bias_rad_s), (ACCEL, imu.accel_m_s2)):
+        for k, axis in enumerate(AXES):
+            curve = allan_deviation(values[:, k], period_s=period_s)
+            try:
+                fit = fit_noise(curve)
+            except ValueError:
+                fit = None
+            found.append(AxisNoise(sheet, axis, float(values[:, k].mean()), curve, fit))
+    return tuple(found)
+
+
+def _about(report: Report) -> str:
+    imu, recorded = report.imu, report.recorded
+    gaps = int(((imu.flags & Flag.GAP) != 0).sum())
+    lost_s = float(imu.gap_ns.sum()) / NS_PER_S
+    still_s = (report.still.stop - report.still.start) * float(np.median(imu.period_s))
+    words = [
+        f"{len(imu)} samples over {recorded.seconds:.1f} s, {1.0 / float(np.median(imu.period_s)):.2f} a second; ",
+        f"{gaps} gaps, {lost_s:.3f} s lost. " if gaps else "no gaps. ",
+        f"Longest stretch at rest: {still_s:.0f} s. " if still_s else "The board never lay still. ",
+        f"Figures count from {float(imu.t_ns[report.start] - imu.t_ns[0]) / NS_PER_S:.1f} s on, where the default is "
+        "settled. ",
+    ]
+    if recorded.truth is not None:
+        words.append(f"The file carries the measured attitude; {recorded.truth.scored.mean():.0%} of it is scored. ")
+    return "".join(words).strip()
+
+
+def _remarks(report: Report) -> list[str]:
+    remarks = [
+        *(f"{ran.method.name}: {ran.method.what}." for ran in report.runs),
+        "Wander is the largest departure from the mean at rest, yaw's is drift: six axes do not know the heading.",
+    ]
+    if report.recorded.truth is None:
+        remarks.append(
+            "No truth in this file: the accelerometer's vertical is believed where its norm is within 3 % of the usual "
+            "and the rate below 20 deg/s. A method that copies the accelerometer is near it by itself."
+        )
+    if not any((ran.block.flags & (Flag.BIAS_UNKNOWN | Flag.SETTLING) == 0).any() for ran in report.runs):
+        remarks.append("No method ever said that its attitude can be trusted: figures count from the first sample on.")
+    if report.noise:
+        remarks.append(
+            "A noise figure in brackets is not seen in so short a record, the number is the most it can be (95 %)."
+        )
+    return remarks
+
+
+def _charts(report: Report, name: str) -> tuple[Chart, ...]:
+    t_s = (report.imu.t_ns - report.imu.t_ns[0]) / NS_PER_S
+    every = slice(None, None, max(1, len(t_s) // DRAWN_ROWS))
+    # What comes before the default is settled would set the scale of all that is after.
+    settled = slice(report.start, None, every.step)
+    x: FloatArray = t_s[settled]
+    charts = []
+    for k, angle in enumerate(ANGLES):
+        curves = [Curve(ran.method.name, x, angles_deg(ran.block.q)[settled, k]) for ran in report.runs]
+        if (truth := report.recorded.truth) is not None and angle != "yaw":
+            true = np.where(truth.scored, angles_deg(truth.q)[:, k], np.nan)
+            curves.append(Curve("truth", x, true[settled], dashed=True))
+        note = "Relative: it counts from where the board was at the start." if angle == "yaw" else ""
+        charts.append(
+            Chart(f"{name}-{angle}", angle.capitalize(), "time, s", f"{angle}, deg", tuple(curves), note=note)
+        )
+    if (truth := report.recorded.truth) is not None:
+        errors = [Curve(ran.method.name, x, truth_errors_deg(ran.block.q, truth)[settled]) for ran in report.runs]
+        charts.append(Chart(f"{name}-error", "Tilt error", "time, s", "error, deg", tuple(errors)))
+    rate = DEG_PER_RAD * report.imu.gyro_rad_s
+    force = report.imu.accel_m_s2
+    for values, stem, title, unit in ((rate, "rate", "Rate", "deg/s"), (force, "force", "Specific force", "m/s^2")):
+        axes = tuple(Curve(axis, t_s[every], values[every, k]) for k, axis in enumerate(AXES))
+        charts.append(Chart(f"{name}-{stem}", f"{title}, as measured", "time, s", f"{title.lower()}, {unit}", axes))
+    for sheet in dict.fromkeys(one.sheet for one in report.noise):
+        charts.append(_allan_chart([one for one in report.noise if one.sheet is sheet], name))
+    return tuple(charts)
+
+
+def _allan_chart(axes: Sequence[AxisNoise], name: str) -> Chart:
+    sheet = axes[0].sheet
+    curves = [Curve(one.axis, one.curve.tau_s, one.curve.deviation / sheet.unit_si) for one in axes]
+    tau_s = axes[0].curve.tau_s
+    curves.append(Curve("data sheet", tau_s, sheet.density / np.sqrt(2.0 * tau_s), dashed=True))
+    return Chart(
+        f"{name}-allan-{sheet.name}",
+        f"Allan deviation of the {sheet.name} at rest",
+        "averaging time, s",
+        f"deviation, {sheet.unit}",
+        tuple(curves),
+        log_x=True,
+        log_y=True,
+        note="How far two means over this time, one after the other, are apart. White noise falls by the square root.",
+    )
+
+
+def _term(term: Term, factor: float) -> str:
+    if not term.seen:
+        return f"(< {significant(term.limit * factor, 2)})"
+    return f"{significant(term.value * factor, 3)} ± {significant(term.sigma * factor, 1)}"
+
+
+def _deg(value: float) -> str:
+    return "" if isnan(value) else f"{value:.3f}"
