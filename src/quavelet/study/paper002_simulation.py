@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from quavelet.alignment.cone import earth_frame
+from quavelet.alignment.inertial import apparent_gravity, integrate
 from quavelet.alignment.result import EARTH_RATE_RAD_S
 from quavelet.core.blocks import FloatArray
-from quavelet.core.euler import from_euler
-from quavelet.core.quaternion import conjugate, from_rotation_vector, multiply, to_matrix
-from quavelet.core.units import RAD_PER_DEG, STANDARD_GRAVITY_M_S2
+from quavelet.core.euler import from_euler, to_euler
+from quavelet.core.quaternion import conjugate, from_matrix, from_rotation_vector, multiply, to_matrix
+from quavelet.core.units import DEG_PER_RAD, RAD_PER_DEG, STANDARD_GRAVITY_M_S2
 
 G = STANDARD_GRAVITY_M_S2
 DEG_H = RAD_PER_DEG / 3600.0
@@ -71,3 +73,39 @@ class EarthBoard:
             gyro + self.gyro_bias_rad_s + self.gyro_noise_rad_s * rng.standard_normal(shape),
             accel + self.accel_bias_m_s2 + self.accel_noise_m_s2 * rng.standard_normal(shape),
         )
+
+
+BOARD = EarthBoard()
+SWINGING = replace(
+    BOARD, attitude_rad=(0.0, 0.0, np.radians(30.0)), swing_rad=(np.radians(10.0), np.radians(7.0), np.radians(5.0))
+)
+"""30 deg clockwise. The other way round the biases, the same on each axis, leave 0.08 deg of heading, not 0.29."""
+AXES = ("pitch", "roll", "heading (counter-clockwise)")
+
+
+def apparent(
+    board: EarthBoard, duration_s: float, rng: np.random.Generator, runs: int
+) -> tuple[FloatArray, FloatArray]:
+    """Apparent forces (runs, N, 3) and attitudes against the start (runs, N, 4)."""
+    gyro, accel = board.measured(duration_s, rng, runs)
+    q = integrate(gyro, period_s=1 / board.rate_hz)
+    return apparent_gravity(q, accel), q
+
+
+def row_at(t_s: float) -> int:
+    """The sample that ends at `t_s`, at 200 Hz."""
+    return max(0, round(t_s * 200.0) - 1)
+
+
+def forces_at(force: FloatArray, picks: tuple[float, float, float]) -> FloatArray:
+    """The forces (3, runs, 3) at three instants of forces (runs, N, 3)."""
+    return np.stack([force[:, row_at(t)] for t in picks])
+
+
+def errors_deg(board: EarthBoard, end_s: float, axis: FloatArray, up: FloatArray, q: FloatArray) -> FloatArray:
+    """Pitch, roll, heading (counter-clockwise) found minus true, (runs, 3), deg."""
+    q_end = q if q.ndim == 2 else q[:, -1]
+    found = to_euler(from_matrix(earth_frame(axis, up) @ to_matrix(q_end)), order="zxy")
+    off = DEG_PER_RAD * (found - to_euler(board.attitude(np.array([end_s])), order="zxy"))
+    off = (off + 180.0) % 360.0 - 180.0
+    return np.stack([off[:, 1], off[:, 0], -off[:, 2]], axis=1)
