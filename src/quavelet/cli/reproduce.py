@@ -98,8 +98,8 @@ def _progress(experiments: Sequence[Experiment]) -> Iterator[Callable[[Step], No
             bars.update(task, completed=step.share, at=step.what)
 
         yield tell
-    if len(experiments) and not console.is_terminal:
-        talk(f"{len(experiments)} of the papers took {time.monotonic() - began_s:.0f} s")
+    if not console.is_terminal:
+        talk(f"{', '.join(one.paper for one in experiments)} took {time.monotonic() - began_s:.0f} s")
 
 
 def _show_json(experiment: Experiment, result: Result) -> None:
@@ -131,14 +131,11 @@ def _show_tables(experiment: Experiment, result: Result) -> None:
     with console.capture() as written:
         console.print(Text(f"{experiment.paper}  {experiment.title}", style="bold"))
         console.print(Text(experiment.headline))
-        printed, ours = reproduction.printed_rows(result.rows), reproduction.acceptance_rows(result.rows)
-        for head, rows, numbers in (
-            (reproduction.PRINTED_HEAD, printed, reproduction.PRINTED_NUMBERS),
-            (reproduction.ACCEPTANCE_HEAD, ours, reproduction.ACCEPTANCE_NUMBERS),
-        ):
-            if rows:
-                console.print()
-                console.print(table_of(head, [reproduction.cells(row) for row in rows], numbers))
+        for table in reproduction.tables(result):
+            console.print()
+            # The last column, why, is on the page: it would leave no room for the figures here.
+            rows = [row[:-1] for row in table.rows]
+            console.print(table_of(table.head[:-1], rows, table.numbers))
         for row in reproduction.failed_rows(result.rows):
             console.print(Text(f"outside its band: {row.id} {row.what}. {row.note}", style="red"))
         for remark in result.remarks:

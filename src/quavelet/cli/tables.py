@@ -11,7 +11,7 @@ from rich.text import Text
 
 from quavelet.study.page import Cell
 
-_STYLES = {"": "", "good": "green", "bad": "red", "doubt": "yellow"}
+_STYLES = {"": "", "good": "green", "bad": "bold red", "doubt": "yellow", "against": "red"}
 _PIPE_WIDTH = 10_000
 
 

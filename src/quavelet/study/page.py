@@ -14,7 +14,7 @@ import numpy as np
 from quavelet.core.errors import ImuError, SettingsError
 from quavelet.study.experiment import Chart
 
-Mark = Literal["", "good", "bad", "doubt"]
+Mark = Literal["", "good", "bad", "doubt", "against"]
 
 
 class PageError(ImuError):
@@ -31,13 +31,14 @@ class Cell:
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """Columns whose number is in `numbers` are set to the right."""
+    """Columns whose number is in `numbers` are set to the right; a `folded` one shows its rows when asked."""
 
     title: str
     head: tuple[str, ...]
     rows: tuple[tuple[Cell, ...], ...]
     _: KW_ONLY
     numbers: frozenset[int] = frozenset()
+    folded: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +65,8 @@ h1{font-size:1.5rem;line-height:1.2;margin:.5rem 0}
 h2{font-size:1.25rem;line-height:1.25;margin:2.5rem 0 .5rem;padding-top:.6rem;border-top:2px solid var(--line)}
 h3{font-size:1rem;margin:1.5rem 0 .3rem}
 p,ul{max-width:46rem}
+summary{cursor:pointer;margin-top:1.5rem}
+summary h3{display:inline}
 nav ul{padding-left:1.2rem}
 a{color:inherit}
 .wide{overflow-x:auto;max-width:100%}
@@ -74,7 +77,7 @@ td{vertical-align:top;min-width:3.5rem}
 td.long{min-width:14rem}
 .n{text-align:right;font-variant-numeric:tabular-nums}
 td.n{white-space:nowrap}
-.good{color:var(--good)}.bad{color:var(--bad);font-weight:600}.doubt{color:var(--doubt)}
+.good{color:var(--good)}.bad{color:var(--bad);font-weight:600}.doubt{color:var(--doubt)}.against{color:var(--bad)}
 .charts{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(100%,29rem),1fr));gap:1rem;margin:1rem 0}
 figure{margin:0;min-width:0}
 figure svg{width:100%;height:auto;display:block}
@@ -164,11 +167,13 @@ def _paragraphs(words: Iterable[str]) -> list[str]:
 
 def _table(table: Table) -> Iterable[str]:
     right = [' class="n"' if k in table.numbers else "" for k in range(len(table.head))]
-    yield f'<h3>{escape(table.title)}</h3><div class="wide"><table><thead><tr>'
+    title = f"<h3>{escape(table.title)}</h3>"
+    yield f"<details><summary>{title} ({len(table.rows)} rows)</summary>" if table.folded else title
+    yield '<div class="wide"><table><thead><tr>'
     yield "".join(f"<th{right[k]}>{escape(name)}</th>" for k, name in enumerate(table.head)) + "</tr></thead><tbody>"
     for row in table.rows:
         yield "<tr>" + "".join(_cell(cell, number=k in table.numbers) for k, cell in enumerate(row)) + "</tr>"
-    yield "</tbody></table></div>"
+    yield "</tbody></table></div>" + ("</details>" if table.folded else "")
 
 
 def _cell(cell: Cell, *, number: bool) -> str:

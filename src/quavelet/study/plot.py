@@ -8,16 +8,17 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from textwrap import wrap
 
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, StrMethodFormatter
 
 from quavelet.core.blocks import FloatArray
 from quavelet.study.experiment import Chart, Curve
@@ -34,6 +35,8 @@ _BUCKETS = 700
 _LEGEND_WIDTH = 68
 """Letters of one line of the legend."""
 _TITLE_WIDTH = 58
+_Y_LABEL_WIDTH = 32
+_ROOMY_TICKS = 4
 _OWN_GROUND = """<style>
 svg{color:#212529;background:#fff}
 @media(prefers-color-scheme:dark){svg{color:#dee2e6;background:#16181d}}
@@ -116,21 +119,24 @@ def _drawn(chart: Chart, colours: Mapping[str, str]) -> Figure:
     axes = figure.add_subplot()
     figure.suptitle("\n".join(wrap(chart.title, _TITLE_WIDTH)), x=0.01, ha="left", fontsize=11, fontweight="bold")
     axes.set_xlabel(chart.x_label)
-    axes.set_ylabel(chart.y_label)
+    axes.set_ylabel("\n".join(wrap(chart.y_label, _Y_LABEL_WIDTH)))
     if chart.kind == "bars":
         _bars(axes, chart, colours)
     else:
-        # The first is the one that is spoken of: it lies on top.
-        for depth, curve in enumerate(chart.curves):
+        calmest_last = sorted(chart.curves, key=_unrest, reverse=True)
+        for curve in chart.curves:
             drawn = _curve(axes, curve, colours, points=chart.kind == "points", log_x=chart.log_x)
-            drawn.set_zorder(3.0 - depth / 100.0)
+            # A noisy curve would hide a calm one that lay below it.
+            drawn.set_zorder(2.0 + calmest_last.index(curve) / 100.0)
         axes.margins(x=0.02)
         if chart.kind == "points" and all((curve.x == np.round(curve.x)).all() for curve in chart.curves):
             axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     if chart.log_x:
         axes.set_xscale("log")
+        _plain_numbers(axes.xaxis, [curve.x for curve in chart.curves])
     if chart.log_y:
         axes.set_yscale("log")
+        _plain_numbers(axes.yaxis, [curve.y for curve in chart.curves])
     labels = [curve.label for curve in chart.curves if curve.label]
     if labels:
         widest = max(len(label) for label in labels) + 6
@@ -158,6 +164,20 @@ def _curve(axes: Axes, curve: Curve, colours: Mapping[str, str], *, points: bool
     return line
 
 
+def _unrest(curve: Curve) -> float:
+    return float(np.nansum(np.abs(np.diff(curve.y))))
+
+
+def _plain_numbers(axis: Axis, values: Sequence[FloatArray]) -> None:
+    """Ticks of a logarithmic axis as 0.1, 1, 10; where there are few decades also twice and five times those."""
+    positive = np.concatenate(values)
+    positive = positive[np.isfinite(positive) & (positive > 0.0)]
+    decades = float(np.log10(positive.max() / positive.min())) if len(positive) else 0.0
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if decades < 2.0 else (1.0,)))
+    axis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    axis.set_minor_formatter(NullFormatter())
+
+
 def _bars(axes: Axes, chart: Chart, colours: Mapping[str, str]) -> None:
     bars = [curve for curve in chart.curves if not curve.dashed]
     width = 0.8 / max(1, len(bars))
@@ -169,13 +189,10 @@ def _bars(axes: Axes, chart: Chart, colours: Mapping[str, str]) -> None:
             axes.plot(curve.x, curve.y, "--", linewidth=1.1, color=GREY, label=curve.label or None)
     axes.grid(visible=False, axis="x")
     if chart.ticks:
-        crowded = sum(map(len, chart.ticks)) > _LEGEND_WIDTH
-        axes.set_xticks(
-            range(len(chart.ticks)),
-            labels=list(chart.ticks),
-            rotation=25 if crowded else 0,
-            ha="right" if crowded else "center",
-        )
+        room = max(7, _LEGEND_WIDTH // len(chart.ticks))
+        axes.set_xticks(range(len(chart.ticks)), labels=["\n".join(wrap(tick, room)) for tick in chart.ticks])
+        if len(chart.ticks) > _ROOMY_TICKS:
+            axes.tick_params(axis="x", labelsize=8.5)
 
 
 def _thinned(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:

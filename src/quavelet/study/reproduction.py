@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from math import isinf, isnan
 
 from quavelet.study.experiment import Experiment, Result, Row, Verdict
 from quavelet.study.page import Cell, Mark, Section, Table, significant
 
-PRINTED_HEAD = ("id", "what", "the paper prints", "got", "band", "verdict")
-ACCEPTANCE_HEAD = ("id", "what", "got", "band", "passed")
-PRINTED_NUMBERS, ACCEPTANCE_NUMBERS = frozenset({2, 3, 4}), frozenset({2, 3})
+PRINTED_HEAD = ("id", "what", "the paper prints", "got", "band", "verdict", "why")
+ACCEPTANCE_HEAD = ("id", "what", "got", "band", "passed", "why")
+OTHER_HEAD = ("id", "what", "got", "why")
+FOLDED_FROM = 12
 _MARKS: dict[Verdict, Mark] = {
     Verdict.REPRODUCED: "good",
     Verdict.READING: "doubt",
-    Verdict.REFUTED: "bad",
+    Verdict.REFUTED: "against",
     Verdict.NONE: "",
 }
 
@@ -25,8 +26,13 @@ def printed_rows(rows: Iterable[Row]) -> list[Row]:
 
 
 def acceptance_rows(rows: Iterable[Row]) -> list[Row]:
-    """Our own rows."""
-    return [row for row in rows if row.verdict is Verdict.NONE]
+    """Our own rows that have a band."""
+    return [row for row in rows if row.verdict is Verdict.NONE and row.judged]
+
+
+def other_rows(rows: Iterable[Row]) -> list[Row]:
+    """Our own rows that are only shown."""
+    return [row for row in rows if row.verdict is Verdict.NONE and not row.judged]
 
 
 def failed_rows(rows: Iterable[Row]) -> list[Row]:
@@ -57,27 +63,21 @@ def passed_text(row: Row) -> str:
     return "" if not row.judged else "yes" if row.passed else "NO"
 
 
-def cells(row: Row) -> tuple[Cell, ...]:
-    """The row's cells, for `PRINTED_HEAD` or for `ACCEPTANCE_HEAD`."""
-    bad: Mark = "" if row.passed else "bad"
-    got, band = Cell(got_text(row), bad), Cell(band_text(row), bad)
-    if row.verdict is Verdict.NONE:
-        return Cell(row.id), Cell(row.what), got, band, Cell(passed_text(row), "good" if row.passed else "bad")
-    return Cell(row.id), Cell(row.what), Cell(row.printed), got, band, Cell(row.verdict.value, _MARKS[row.verdict])
+def tables(result: Result) -> tuple[Table, ...]:
+    """What the paper prints beside what we got; what must hold; what else was measured. Empty ones are left out."""
+    printed, ours, others = printed_rows(result.rows), acceptance_rows(result.rows), other_rows(result.rows)
+    found = (
+        _table("What the paper prints", PRINTED_HEAD, printed, frozenset({2, 3, 4})),
+        _table("What must hold", ACCEPTANCE_HEAD, ours, frozenset({2, 3})),
+        _table("What else was measured", OTHER_HEAD, others, frozenset({2}), folded=len(others) > FOLDED_FROM),
+    )
+    return tuple(table for table in found if table.rows)
 
 
 def section(experiment: Experiment, result: Result) -> Section:
     """The paper's part of the page."""
-    tables = []
-    if printed := printed_rows(result.rows):
-        rows = tuple((*cells(row), Cell(_why(row))) for row in printed)
-        tables.append(Table("What the paper prints", (*PRINTED_HEAD, "why"), rows, numbers=PRINTED_NUMBERS))
-    if ours := acceptance_rows(result.rows):
-        rows = tuple((*cells(row), Cell(_why(row))) for row in ours)
-        tables.append(Table("What must hold", (*ACCEPTANCE_HEAD, "why"), rows, numbers=ACCEPTANCE_NUMBERS))
-    return Section(
-        f"{experiment.paper}: {experiment.title}", (experiment.headline,), tuple(tables), result.charts, result.remarks
-    )
+    title = f"{experiment.paper}: {experiment.title}"
+    return Section(title, (experiment.headline,), tables(result), result.charts, result.remarks)
 
 
 def summary(results: Iterable[tuple[Experiment, Result]]) -> Section:
@@ -104,6 +104,22 @@ def summary(results: Iterable[tuple[Experiment, Result]]) -> Section:
         "it does not follow, or is a slip. A band is where our own figure must be; it says nothing of the paper's.",
     )
     return Section("Summary", words, (Table("All papers", head, tuple(rows), numbers=frozenset({2, 3, 4})),))
+
+
+def _table(
+    title: str, head: tuple[str, ...], rows: Sequence[Row], numbers: frozenset[int], *, folded: bool = False
+) -> Table:
+    # A row's cells may be more than the head has names: what is only shown has no band.
+    cells = tuple((*_cells(row)[: len(head) - 1], Cell(_why(row))) for row in rows)
+    return Table(title, head, cells, numbers=numbers, folded=folded)
+
+
+def _cells(row: Row) -> tuple[Cell, ...]:
+    bad: Mark = "" if row.passed else "bad"
+    got, band = Cell(got_text(row), bad), Cell(band_text(row), bad)
+    if row.verdict is Verdict.NONE:
+        return Cell(row.id), Cell(row.what), got, band, Cell(passed_text(row), "good" if row.passed else "bad")
+    return Cell(row.id), Cell(row.what), Cell(row.printed), got, band, Cell(row.verdict.value, _MARKS[row.verdict])
 
 
 def _why(row: Row) -> str:
