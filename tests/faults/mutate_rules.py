@@ -19,6 +19,7 @@ ROOT = Path(__file__).resolve().parents[2]
 DRIVER = "src/quavelet/mpu6050"
 RECOVERY, FIFO, TIMES = (f"tests/mpu6050/test_mpu_{name}.py" for name in ("recovery", "fifo", "times"))
 START, SPIKES = "tests/mpu6050/test_mpu_start.py", "tests/faults/test_fault_spikes.py"
+SELF, CYCLE, MOTION = (f"tests/mpu6050/test_mpu_{name}.py" for name in ("self_test", "low_power", "motion"))
 MATRIX, TELLS = "tests/faults/test_fault_matrix.py", "tests/faults/test_fault_tells.py"
 
 
@@ -82,6 +83,22 @@ MUTANTS = (
     Mutant("other chip reset again and again", "startup.py", "self._new_try() if self.info is None else self._go(Step.PROBE, 0)", "self._new_try()", (MATRIX,), "swapped"),
     Mutant("two spoilt frames vouch for each other", "spikes.py", "after = after[1:] if spoilt else after", "pass", (SPIKES,)),
     Mutant("first samples not judged", "spikes.py", "began: bool = True", "began: bool = False", (SPIKES,)),
+    Mutant("self-test: not repeated", "self_test.py", "REPEAT_WITHIN_NS = 6 *", "REPEAT_WITHIN_NS = -1 *", (SELF,)),
+    Mutant("self-test: move not repeated", "self_test.py", "if report.still or clock", "if True or clock", (SELF,)),
+    Mutant("self-test: lost setting measured with", "self_test.py", "check_rows(chip, [*held, *pushed])", "pass", (MATRIX,), "self_test and changed"),
+    Mutant("self-test: frozen axes judged", "self_test.py", "if not got.sd.any():", "if False:", (SELF,)),
+    Mutant("self-test: exchanged chip judged", "self_test.py", "if who_am_i != variant.who_am_i:", "if False:", (SELF,)),
+    Mutant("self-test: other codes believed", "self_test.py", "if _nature(chip, variant) != nature:", "if False:", (SELF,)),
+    Mutant("self-test: bits given back", "measuring.py", "byte & ~_SELF_TEST.get(register, 0)", "byte", (SELF,)),
+    Mutant("self-test: not given back after an error", "measuring.py", "        with suppress(BusError, ChipUnstable):\n            _give_back(chip, found, clock)\n", "", (CYCLE,)),
+    Mutant("self-test: given back unread", "measuring.py", "check_rows(chip, [r.RegisterBits(register, byte, ~byte & 0xFF) for register, byte in found])", "pass", (MATRIX,), "self_test and write"),
+    Mutant("self-test: given back once", "measuring.py", "_MAX_GIVING_BACK = 5", "_MAX_GIVING_BACK = 1", (MATRIX,), "self_test and write"),
+    Mutant("self-test: frames of other sensors", "measuring.py", "if sensors !=", "if False and sensors !=", (SELF,)),
+    Mutant("idle: lost setting read with", "low_power.py", "        check_rows(chip, self._rows)\n        x, y, z", "        x, y, z", (CYCLE,)),
+    Mutant("idle: lost setting waited for", "motion.py", "if now_ns >= min(end_ns, check_ns):", "if False:", (MOTION,)),
+    Mutant("idle: motion of the settling told", "motion.py", "status.take(r.MOT_INT.mask)  #", "pass  #", (MOTION,)),
+    Mutant("idle: bits of others eaten", "int_status.py", "self._held |= self.chip", "self._held = self.chip", (MOTION,)),
+    Mutant("idle: stream's status taken", "int_status.py", "if chip.read(r.USER_CTRL)", "if False and chip.read(r.USER_CTRL)", (CYCLE,)),
     Mutant("no end of tries", "startup.py", "or self._tries < MAX_TRIES", "or True", (START,)),
 )  # fmt: skip
 

@@ -85,6 +85,13 @@ def test_motion_while_nobody_waited_is_told_at_the_next_question_once():
         assert motion.wait(1.0) is None
 
 
+def test_push_while_the_chip_was_being_set_is_not_told():
+    rig = IdleRig(motion=Pushed(0.5, ((0.2, 0.3),)))
+    with watching(rig) as motion:
+        assert rig.now_s > 0.5
+        assert motion.wait(1.0) is None
+
+
 def test_wire_that_came_off_costs_a_second_and_not_the_motion():
     rig = pushed(0.5)
     rig.chip.int_connected = False

@@ -289,6 +289,20 @@ def test_code_disturbed_on_its_way_is_read_again():
     assert report.passed and report.repeats == 0
 
 
+def test_code_disturbed_twice_alike_is_found_out_at_the_end():
+    bench = Bench()
+    times = 0
+
+    def alter(_k, transfer, answer):
+        nonlocal times
+        times += transfer.register == 0x0D
+        return bytes([0x0F, *answer[1:]]) if transfer.register == 0x0D and times <= 2 else answer
+
+    bench.rig.bus.alter = alter
+    report = bench.run()
+    assert report.passed and report.repeats == 1
+
+
 def test_code_that_never_reads_twice_the_same_is_a_bus_error():
     bench = Bench()
     bench.rig.bus.alter = lambda k, t, answer: bytes([k & 0xFF]) * len(answer) if t.register == 0x0D else answer
@@ -299,6 +313,14 @@ def test_code_that_never_reads_twice_the_same_is_a_bus_error():
 def test_chip_that_takes_no_samples_is_told_apart_from_a_broken_axis():
     bench = Bench(chip_type=StubbornChip)
     bench.chip.stubborn = lambda at, byte: 0 if at == 0x23 else byte
+    with pytest.raises(ChipUnstable, match="FIFO"):
+        bench.run()
+
+
+def test_chip_that_leaves_the_temperature_out_of_its_frames_is_not_said_to_have_moved():
+    """63 frames of 12 bytes are 54 of 14."""
+    bench = Bench(chip_type=StubbornChip, pll_error=0.05)
+    bench.chip.stubborn = lambda at, byte: byte & 0x7F if at == 0x23 else byte
     with pytest.raises(ChipUnstable, match="FIFO"):
         bench.run()
 

@@ -129,8 +129,6 @@ def _rows(variant: Variant, code: int, accel_range_g: int) -> tuple[r.RegisterBi
         _row(r.PWR_MGMT_2, standby, r.STANDBY.mask),
         *own,
         _row(r.ACCEL_CONFIG, accel, r.ACCEL_SELF_TEST.mask | r.ACCEL_FS_SEL.mask),
-        # With it, reading the sample would clear the bit that tells of motion.
-        _row(r.INT_PIN_CFG, 0, r.INT_RD_CLEAR.mask),
         _row(r.INT_ENABLE, r.DATA_RDY_EN.mask, r.DATA_RDY_EN.mask),
         _row(r.FIFO_EN, 0, 0xFF),
         _row(r.USER_CTRL, 0, r.USER_DMP_EN.mask | r.USER_FIFO_EN.mask | r.USER_I2C_MST_EN.mask),
