@@ -213,6 +213,10 @@ def test_a_constant_input_is_no_arc():
     )
     assert found.heading is Heading.NEAR_POLE
     assert "lost the earth's rate together with its bias" in found.reason
+    for n in (4, 50):
+        short = align_motion(np.zeros((n, 3)), np.tile([0.0, 0.0, G], (n, 1)), period_s=0.1, errors=TACTICAL)
+        assert short.heading is Heading.ARC_TOO_SHORT
+        assert np.isinf(short.heading_sigma_rad)
 
 
 def test_a_board_that_turns_is_not_taken_for_the_earth():

@@ -15,7 +15,7 @@ from quavelet.alignment.result import (
     POLE_COSINE,
     Alignment,
     Heading,
-    in_degrees,
+    good_to,
     without_heading,
 )
 from quavelet.alignment.sensors import SensorErrors, check_gravity
@@ -98,18 +98,19 @@ class Arc:
                 "that lost the earth's rate together with its bias"
             )
             return refused(Heading.NEAR_POLE, reason)
+        curvature = float(np.linalg.norm(self.cone[2]))
         noise = hypot(
-            self._sd(np.array([0.0, 0.0, 1.0])) / float(np.linalg.norm(self.cone[2])),
+            self._sd(np.array([0.0, 0.0, 1.0])) / curvature if curvature else inf,
             sqrt(walk * self.curvature_per_s3) / EARTH_RATE_RAD_S**2,
         )
-        # The slope's part out of the cone's plane turns the axis to the east.
-        by_noise = hypot(speed_sd / speed**2, sqrt(walk * self.slope_per_s) / (EARTH_RATE_RAD_S * speed))
         if noise > SAGITTA_LIMIT:
             reason = (
                 f"in {self.end_s:.0f} s noise out of the arc's plane is {noise:.2g} of the arc's sagitta, more than "
                 f"{SAGITTA_LIMIT:g}: take longer"
             )
-            return refused(Heading.ARC_TOO_SHORT, reason, by_noise)
+            return refused(Heading.ARC_TOO_SHORT, reason)
+        # The slope's part out of the cone's plane turns the axis to the east.
+        by_noise = hypot(speed_sd / speed**2, sqrt(walk * self.slope_per_s) / (EARTH_RATE_RAD_S * speed))
         axis = axis_of_cone(self.cone)
         matrix = earth_frame(axis, up)
         latitude = asin(float(matrix[2] @ axis / np.linalg.norm(axis)))
@@ -118,7 +119,7 @@ class Arc:
         if heading is not Heading.OBSERVED:
             return refused(heading, figures, heading_rad)
         reason = (
-            f"heading is good to {in_degrees(heading_rad)}, {in_degrees(by_noise)} of it by noise over "
+            f"{good_to(heading_rad)}, {DEG_PER_RAD * by_noise:.3g} deg of it by noise over "
             f"{self.end_s:.0f} s, at latitude {DEG_PER_RAD * latitude:.1f} deg as estimated"
         )
         if heading_rad > HEADING_LIMIT_RAD:

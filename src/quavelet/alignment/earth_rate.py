@@ -12,7 +12,7 @@ from quavelet.alignment.result import (
     POLE_COSINE,
     Alignment,
     Heading,
-    in_degrees,
+    good_to,
     with_heading,
     without_heading,
 )
@@ -58,7 +58,7 @@ def judged(rate_sigma_rad_s: float, *, latitude_rad: float, tilt_rad: float) -> 
         return Heading.NEAR_POLE, inf, f"{where} is within a degree of a pole, where the earth's rate is vertical"
     heading = hypot(rate_sigma_rad_s / (EARTH_RATE_RAD_S * horizontal), tilt_rad * tan(latitude_rad))
     figures = (
-        f"heading is good to {in_degrees(heading)}: {DEG_PER_RAD * rate_sigma_rad_s:.2g} deg/s of gyroscope error "
+        f"{good_to(heading)}: {DEG_PER_RAD * rate_sigma_rad_s:.2g} deg/s of gyroscope error "
         f"in {DEG_PER_RAD * EARTH_RATE_RAD_S * horizontal:.4f} deg/s of horizontal earth rate"
     )
     hidden = heading > HEADING_LIMIT_RAD

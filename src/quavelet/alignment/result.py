@@ -79,8 +79,8 @@ def without_heading(
     return Alignment(from_euler(np.array([roll, pitch, 0.0])), level, heading, reason, heading_rad)
 
 
-def in_degrees(sigma_rad: float) -> str:
-    """A heading's sigma for a sentence."""
+def good_to(sigma_rad: float) -> str:
+    """How good heading is, as the beginning of a sentence."""
     if not sigma_rad < UNIFORM_RAD:
-        return "104 deg, which is anywhere"
-    return f"{sigma_rad * DEG_PER_RAD:.3g} deg"
+        return "heading would be anywhere"
+    return f"heading is good to {sigma_rad * DEG_PER_RAD:.3g} deg"

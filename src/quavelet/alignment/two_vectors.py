@@ -6,7 +6,7 @@ from math import atan2, hypot
 
 import numpy as np
 
-from quavelet.alignment.result import HEADING_LIMIT_RAD, Alignment, Heading, in_degrees, with_heading, without_heading
+from quavelet.alignment.result import HEADING_LIMIT_RAD, Alignment, Heading, good_to, with_heading, without_heading
 from quavelet.alignment.sensors import (
     SensorErrors,
     checked,
@@ -122,7 +122,7 @@ def align_field(
     about_north = float(tilt_sigma(magnetic, force, force_sigma)[1])
     heading = hypot(east_ut / horizontal_ut, about_north * vertical_ut / horizontal_ut, declination_sigma_rad)
     figures = (
-        f"heading is good to {in_degrees(heading)}: {east_ut:.2g} uT of error in {horizontal_ut:.1f} uT of horizontal "
+        f"{good_to(heading)}: {east_ut:.2g} uT of error in {horizontal_ut:.1f} uT of horizontal "
         f"field, dip {DEG_PER_RAD * atan2(-vertical_ut, horizontal_ut):.0f} deg"
     )
     north = np.array([np.sin(declination_rad), np.cos(declination_rad), 0.0])
