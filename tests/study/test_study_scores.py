@@ -97,7 +97,7 @@ def test_the_longest_still_stretch_ends_where_something_was_lost():
     assert moving.start == moving.stop
 
 
-def test_settled_is_where_the_attitude_first_says_so():
-    flags = np.where(np.arange(N) < 200, int(Flag.SETTLING), 0)
-    assert settled_from(block(TRUE_Q, flags=flags)) == 200
-    assert settled_from(block(TRUE_Q, flags=int(Flag.BIAS_UNKNOWN))) == 0
+@pytest.mark.parametrize(("settled", "counts_from"), [(0, 0), (200, 200), (251, 250), (N, 250)])
+def test_figures_count_from_where_the_attitude_says_it_is_settled_but_not_only_at_the_end(settled, counts_from):
+    flags = np.where(np.arange(N) < settled, int(Flag.SETTLING), 0)
+    assert settled_from(block(TRUE_Q, flags=flags)) == counts_from

@@ -54,7 +54,7 @@ class Report:
     """All of it.
 
     still  rows of the longest stretch in which the board lay still
-    start  the row from which on the methods are scored: there the default is settled
+    start  the row from which on the methods are scored
     """
 
     recorded: Recorded
@@ -179,7 +179,7 @@ def _about(report: Report) -> str:
         f"{gaps} gaps, {lost_s:.3f} s lost. " if gaps else "no gaps. ",
         f"Longest stretch at rest: {still_s:.0f} s. " if still_s else "The board never lay still. ",
         f"Figures count from {float(imu.t_ns[report.start] - imu.t_ns[0]) / NS_PER_S:.1f} s on, where the default is "
-        "settled. ",
+        "settled, or should be. ",
     ]
     if recorded.truth is not None:
         words.append(f"The file carries the measured attitude; {recorded.truth.scored.mean():.0%} of it is scored. ")
@@ -197,7 +197,7 @@ def _remarks(report: Report) -> list[str]:
             "and the rate below 20 deg/s. A method that copies the accelerometer is near it by itself."
         )
     if not any((ran.block.flags & (Flag.BIAS_UNKNOWN | Flag.SETTLING) == 0).any() for ran in report.runs):
-        remarks.append("No method ever said that its attitude can be trusted: figures count from the first sample on.")
+        remarks.append("No method ever said that its attitude can be trusted.")
     if report.noise:
         remarks.append(
             "A noise figure in brackets is not seen in so short a record, the number is the most it can be (95 %)."

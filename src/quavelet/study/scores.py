@@ -16,6 +16,7 @@ from quavelet.study.recorded import Truth
 GRAVITY_WITHIN = 0.03
 GRAVITY_RATE_RAD_S = 20.0 * RAD_PER_DEG
 """An accelerometer is believed to show gravity where its norm is within 3 % of the usual and the rate below this."""
+LATEST_S = 10.0
 NOT_YET = Flag.BIAS_UNKNOWN | Flag.SETTLING
 
 
@@ -42,9 +43,11 @@ class Score:
 
 
 def settled_from(block: AttitudeBlock) -> int:
-    """The first row from which on the attitude says it can be trusted; 0 where it never says so."""
+    """The row from which on figures count: where the attitude first says that it can be trusted, at the latest after
+    ten seconds or a quarter of the recording."""
     ready = np.flatnonzero((block.flags & NOT_YET) == 0)
-    return int(ready[0]) if len(ready) else 0
+    latest = min(len(block) // 4, int(LATEST_S / float(np.median(block.period_s))))
+    return min(int(ready[0]), latest) if len(ready) else latest
 
 
 def still_rows(block: AttitudeBlock, *, start: int = 0) -> slice:
