@@ -46,6 +46,13 @@ def test_heursure_is_universal_on_noise_and_not_above_it_on_signal():
     assert heursure(busy, sigma=1.0) == min(flat, sure(busy, sigma=1.0)) < flat
 
 
+def test_heursure_does_not_wipe_out_a_level_that_is_all_signal():
+    """Where all |d| are alike, Stein's risk is least at a threshold that leaves none of them."""
+    d = 100.0 * np.where(np.arange(64) % 2, 1.0, -1.0)
+    assert sure(d, sigma=1.0) == 100.0
+    assert heursure(d, sigma=1.0) == universal(1.0, n=64)
+
+
 def test_noise_hardly_ever_exceeds_the_universal_threshold():
     rng = np.random.default_rng(5)
     exceeded = np.abs(rng.normal(size=(200, 4096))).max(axis=1) > universal(1.0, n=4096)

@@ -30,8 +30,6 @@ class MedianFilter:
     def push(self, rows: FloatArray) -> FloatArray:
         if not len(rows):
             return rows
-        # -0.0 becomes 0.0: which of the two stood first in a sorted window would depend on how it came about.
-        rows = rows + 0.0
         if self._recent is None:
             self._remember(np.repeat(rows[:1], self.window, axis=0))
         assert self._recent is not None

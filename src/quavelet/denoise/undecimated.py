@@ -134,15 +134,15 @@ class UndecimatedFilter:
         return shrink(details, t, kind=self._shrink, k=self._k, alpha=self._alpha)
 
     def _stand(self, row: FloatArray) -> None:
-        """The memory after standing still at `row` (1, k) for ever."""
-        gain = float(self._dec[:, 0].sum())
+        """The memory after standing still at `row` (1, k) for ever. What is synthesised from before the run's first
+        row comes out before that row does, and is thrown away."""
+        gain, k = float(self._dec[:, 0].sum()), row.shape[1]
         for i in range(self._levels):
             rows = self._reach << i
             waiting = self._reach * ((1 << self._levels) - (2 << i))
-            level = row * gain ** (i + 1) if self._approximation else np.zeros_like(row)
             self._inputs.append(np.repeat(row * gain**i, rows, axis=0))
-            self._smooths.append(np.repeat(level, rows, axis=0))
-            self._details.append(np.zeros((rows + waiting, row.shape[1])))
+            self._smooths.append(np.zeros((rows, k)))
+            self._details.append(np.zeros((rows + waiting, k)))
 
 
 def _banks(wavelet: str) -> tuple[FloatArray, FloatArray]:
