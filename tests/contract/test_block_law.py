@@ -3,6 +3,8 @@ fresh stage, the output is the same to the last bit."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -61,9 +63,14 @@ def levelled_block(seed: int, n: int) -> ImuBlock:
     return StillBias(window_s=0.5).process(imu_block(seed, n))
 
 
+def stuck_at_times_block(seed: int, n: int) -> ImuBlock:
+    block = levelled_block(seed, n)
+    stuck = np.sin(np.arange(n) / 17.0 + seed) > 0.7
+    return replace(block, flags=np.where(stuck, block.flags | np.uint32(Flag.STUCK), block.flags))
+
+
 def denoised(**params):
-    """A stage of the pipeline's input and a maker of the stage: with gaps, stuck runs and a bias that is found."""
-    return levelled_block, lambda: Denoise(DenoiseParams(**params).build(), sample_rate_hz=200.0)
+    return stuck_at_times_block, lambda: Denoise(DenoiseParams(**params).build(), sample_rate_hz=200.0)
 
 
 QUICK = Settings(start=StartSettings(still_s=0.5), filter=Params(kp=1.0, ki=0.1, kd=0.3))
