@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import errno
 from collections import deque
-from types import TracebackType
-from typing import Self
 
 from hw_fakes.chip.mpu6050 import FakeMpu6050
 from quavelet.bus.protocol import Edge
 from quavelet.core.clock import Clock
+from quavelet.core.closing import Closing
 from quavelet.core.errors import BusError
 from quavelet.core.units import NS_PER_S
 
@@ -17,7 +16,7 @@ STEP_NS = 100_000
 QUEUE = 1024
 
 
-class FakeDataReady:
+class FakeDataReady(Closing):
     """The rising edges of a chip's INT pin; implements `quavelet.bus.protocol.DataReady`.
 
     Their times are exact; who waits is woken up to 0.1 ms after one. Edges nobody asks for are lost as in the kernel:
@@ -60,11 +59,3 @@ class FakeDataReady:
 
     def close(self) -> None:
         self._closed = True
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None, /
-    ) -> None:
-        self.close()

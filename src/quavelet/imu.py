@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from types import TracebackType
-from typing import Self
 
 from quavelet.bus.open import open_bus
 from quavelet.bus.protocol import I2CBus
 from quavelet.core.blocks import AttitudeBlock
 from quavelet.core.clock import Clock, MonotonicClock
+from quavelet.core.closing import Closing
 from quavelet.core.errors import EndOfData
 from quavelet.core.health import Health
 from quavelet.core.units import NS_PER_S
@@ -23,7 +22,7 @@ from quavelet.settings import Settings, load_settings
 from quavelet.sinks.message import Message, message_of
 
 
-class Imu:
+class Imu(Closing):
     """A chip on an open bus. Iterating gives a `Message` at each deadline of the loop that has new samples.
 
     on_stream and on_drain are told what a recording needs (see `ChipSource`).
@@ -84,14 +83,6 @@ class Imu:
 
     def close(self) -> None:
         self.bus.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
 
 def open_imu(bus: str | None = None, *, config: Path | str | None = None, clock: Clock | None = None) -> Imu:

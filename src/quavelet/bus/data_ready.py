@@ -10,10 +10,11 @@ import errno
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from types import ModuleType, TracebackType
-from typing import TYPE_CHECKING, Self
+from types import ModuleType
+from typing import TYPE_CHECKING
 
 from quavelet.bus.protocol import Edge
+from quavelet.core.closing import Closing
 from quavelet.core.errors import BusBusy, BusError, BusPermission, DeviceMissing, SettingsError
 
 if TYPE_CHECKING:
@@ -25,7 +26,7 @@ CONSUMER = "quavelet"
 _DEVICES = "/dev/gpiochip*"
 
 
-class GpiodDataReady:
+class GpiodDataReady(Closing):
     """A `DataReady` line: rising edges of line `line` of the GPIO chip that has this label.
 
     label   as `gpiodetect` shows it: pinctrl-bcm2711 on a Raspberry Pi 4, pinctrl-rp1 on a 5. The number in
@@ -80,14 +81,6 @@ class GpiodDataReady:
         if self._request is not None:
             self._request.release()
             self._request = None
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None, /
-    ) -> None:
-        self.close()
 
 
 def open_data_ready(name: str) -> GpiodDataReady:

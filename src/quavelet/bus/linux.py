@@ -5,20 +5,19 @@ from __future__ import annotations
 import errno
 import re
 from fcntl import ioctl
-from types import TracebackType
-from typing import Self
 
 from smbus2 import SMBus, i2c_msg
 
 from quavelet.bus.faults import bus_error
 from quavelet.core.clock import Clock
+from quavelet.core.closing import Closing
 from quavelet.core.errors import BusError, SettingsError
 
 I2C_SLAVE = 0x0703  # linux/i2c-dev.h
 MAX_BYTES = 8192  # of a message: the kernel refuses more (i2c-dev), and at 65536 smbus2's length begins at 0 again
 
 
-class LinuxI2CBus:
+class LinuxI2CBus(Closing):
     """An `I2CBus` on /dev/i2c-`number`.
 
     I2C_RDWR makes one transaction with a repeated start of any length up to the kernel's 8192 bytes a message;
@@ -66,14 +65,6 @@ class LinuxI2CBus:
         if self._smbus is not None:
             self._smbus.close()
             self._smbus = None
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None, /
-    ) -> None:
-        self.close()
 
 
 def _check_length(verb: str, n: int) -> None:
