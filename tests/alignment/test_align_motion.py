@@ -113,6 +113,25 @@ def test_two_thirds_of_all_errors_are_within_one_sigma(latitude_deg):
     assert (inside / runs < 0.80).all(), inside
 
 
+def test_two_thirds_of_the_headings_by_three_vectors_are_within_one_sigma():
+    rng = np.random.default_rng(20160522)
+    board = replace(TILTED, rate_hz=2.0)
+    gyro, accel = board.truth(400.0)
+    truth, inside, runs = board.attitude(np.array([400.0]))[0], 0, 200
+    # Of forces as good as denoising by 5.7 makes those of 50 ug.
+    force_sd, times = 9 * MICRO_G, np.array([10.0, 200.0, 400.0])
+    rows = np.round(2.0 * times).astype(int) - 1
+    for _ in range(runs):
+        biased = gyro + 0.02 * DEG_H * rng.standard_normal(3)
+        q = integrate(biased, period_s=0.5)[rows]
+        force = apparent_gravity(q, accel[rows] + force_sd * rng.standard_normal((3, 3)))
+        errors = replace(TACTICAL, gyro_bias_rad_s=0.02 * DEG_H, gyro_noise_rad_s_rthz=0.0, accel_bias_m_s2=0.0)
+        found = align_three(times, force, q[-1], force_sd_m_s2=force_sd, errors=errors)
+        assert found.heading is Heading.OBSERVED, found.reason
+        inside += abs(2.0 * multiply(found.q, conjugate(truth))[3]) < found.sigma_rad[2]
+    assert 0.58 < inside / runs < 0.79
+
+
 def test_the_recursion_is_the_fit_of_all_samples_at_once():
     """By numpy's lstsq; attitude integrated there step by step."""
     board = replace(EarthBoard(), rate_hz=20.0)
