@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quavelet.core.blocks import BoolArray, CountArray, FloatArray, RawBlock, Scale, concat
-from quavelet.core.errors import RecordingError
+from quavelet.core.errors import RecordingError, SettingsError
 from quavelet.core.health import Health
 from quavelet.core.units import NS_PER_S, RAD_PER_DEG, STANDARD_GRAVITY_M_S2
 from quavelet.recording.reader import RecordingReader
@@ -42,6 +42,7 @@ class Recorded:
     runs      raw blocks, each of one scale; a chip that was restarted with other ranges begins another
     settings  those it was recorded with, None where the file has none
     damage    a sentence about what could not be read of it, "" where all could
+    note      a sentence about settings that this version no longer takes, "" where it takes them
     """
 
     path: Path
@@ -49,6 +50,7 @@ class Recorded:
     truth: Truth | None = None
     settings: Settings | None = None
     damage: str = ""
+    note: str = ""
 
     @property
     def seconds(self) -> float:
@@ -104,7 +106,12 @@ def _qrec(path: Path) -> Recorded:
         damage = str(error)
     if not runs:
         raise RecordingError(damage or f"{path} holds no samples: record again")
-    return Recorded(path, tuple(concat(run) for run in runs), settings=source.settings, damage=damage)
+    settings, note = None, ""
+    try:
+        settings = source.settings
+    except SettingsError as error:
+        note = f"{error}; the defaults are in their place"
+    return Recorded(path, tuple(concat(run) for run in runs), settings=settings, damage=damage, note=note)
 
 
 def _npz(path: Path) -> Recorded:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isnan
 
 import numpy as np
@@ -18,7 +18,7 @@ from quavelet.settings import Settings
 from quavelet.study.experiment import Chart, Curve
 from quavelet.study.methods import DEFAULT, Method, methods
 from quavelet.study.page import Cell, Mark, Section, Table, significant
-from quavelet.study.recorded import Recorded
+from quavelet.study.recorded import Recorded, Truth
 from quavelet.study.scores import Score, angles_deg, score, settled_from, still_rows, truth_errors_deg
 
 AXES, ANGLES = "xyz", ("roll", "pitch", "yaw")
@@ -73,12 +73,17 @@ def work_through(recorded: Recorded, base: Settings, *, tell: Callable[[str], No
         tell(method.name)
         pipeline = build_pipeline(method.settings)
         blocks.append(concat([pipeline.process(run) for run in recorded.runs]))
+    # A filter that waits for later samples has not given the last ones.
+    n = min(map(len, blocks))
+    blocks = [block[:n] for block in blocks]
+    if recorded.truth is not None:
+        recorded = replace(recorded, truth=Truth(recorded.truth.q[:n], recorded.truth.scored[:n]))
     reference = blocks[[method.name for method in chosen].index(DEFAULT)]
     start = settled_from(reference)
     still = still_rows(reference, start=start)
     scores = [score(block, reference, still=still, start=start, truth=recorded.truth) for block in blocks]
     tell("noise")
-    imu = concat([Calibrate(UNCALIBRATED).process(run) for run in recorded.runs])
+    imu = concat([Calibrate(UNCALIBRATED).process(run) for run in recorded.runs])[:n]
     runs = tuple(Ran(*one) for one in zip(chosen, blocks, scores, strict=True))
     return Report(recorded, imu, runs, _noise(imu[still]), still, start)
 
@@ -88,7 +93,7 @@ def section(report: Report, name: str) -> Section:
     recorded = report.recorded
     return Section(
         str(recorded.path),
-        (_about(report), *([recorded.damage + "."] if recorded.damage else [])),
+        (_about(report), *(f"{text}." for text in (recorded.damage, recorded.note) if text)),
         (method_table(report), *([noise_table(report.noise)] if report.noise else [])),
         _charts(report, name),
         tuple(_remarks(report)),
