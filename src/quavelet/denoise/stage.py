@@ -72,14 +72,16 @@ class Denoise:
 
     def process(self, block: ImuBlock) -> ImuBlock:
         n = len(block)
-        out = [_NONE]
+        out: list[ImuBlock] = []
         broken = self._broken(block)
         for start, end in pairwise([*sorted({0, *np.flatnonzero(broken).tolist()}), n]):
             if start < n and broken[start]:
                 out.append(self.finish())
             if start < end:
                 out.append(self._run(block[start:end]))
-        return concat(out)
+        if not out:
+            return _NONE
+        return concat(out) if len(out) > 1 else out[0]
 
     def finish(self) -> ImuBlock:
         """The samples that wait, at the end of the data; what comes next begins a new run."""
@@ -116,7 +118,7 @@ class Denoise:
         skip = min(self._early, len(out))
         self._early -= skip
         due = len(out) - skip
-        waiting = concat([self._waiting, block])
+        waiting = concat([self._waiting, block]) if len(self._waiting) else block
         self._waiting = waiting[due:]
         return _filtered(waiting[:due], out[skip:])
 
