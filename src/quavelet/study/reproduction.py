@@ -8,7 +8,7 @@ from math import isinf, isnan
 from quavelet.study.experiment import Experiment, Result, Row, Verdict
 from quavelet.study.page import Cell, Mark, Section, Table, significant
 
-PRINTED_HEAD = ("id", "what", "the paper prints", "got", "band", "verdict", "why")
+PRINTED_HEAD = ("id", "what", "printed", "got", "band", "verdict", "why")
 ACCEPTANCE_HEAD = ("id", "what", "got", "band", "passed", "why")
 OTHER_HEAD = ("id", "what", "got", "why")
 FOLDED_FROM = 12
