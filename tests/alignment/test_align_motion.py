@@ -86,14 +86,25 @@ def test_a_swinging_board_is_aligned_where_it_is_at_the_end():
     assert np.abs(found.q - board.attitude(np.array([200.0]))[0]).max() < 1e-5
 
 
-@pytest.mark.parametrize("latitude_deg", [-20.0, 45.0])
-def test_two_thirds_of_all_errors_are_within_one_sigma(latitude_deg):
+@pytest.mark.parametrize(
+    ("latitude_deg", "errors"),
+    [
+        # Bias and random walk make about as much of heading each, the walk most of latitude.
+        (-20.0, replace(TACTICAL, gyro_bias_rad_s=0.02 * DEG_H, gyro_noise_rad_s_rthz=0.2 * DEG_H)),
+        # The accelerometer's noise makes most of all.
+        (60.0, replace(TACTICAL, gyro_bias_rad_s=1e-3 * DEG_H, gyro_noise_rad_s_rthz=0.0, accel_bias_m_s2=1 * MICRO_G)),
+        # Tilt by bias, and through it heading.
+        (
+            75.0,
+            replace(TACTICAL, gyro_bias_rad_s=1e-3 * DEG_H, gyro_noise_rad_s_rthz=0.0, accel_bias_m_s2=800 * MICRO_G),
+        ),
+    ],
+)
+def test_two_thirds_of_all_errors_are_within_one_sigma(latitude_deg, errors):
     rng = np.random.default_rng(20160520)
     board = replace(TILTED, latitude_rad=np.radians(latitude_deg), rate_hz=2.0)
-    gyro, accel = board.truth(300.0)
-    truth, inside, runs = board.attitude(np.array([300.0]))[0], np.zeros(4), 300
-    # Bias and random walk make about as much of heading each, the walk most of latitude.
-    errors = replace(TACTICAL, gyro_bias_rad_s=0.02 * DEG_H, gyro_noise_rad_s_rthz=0.2 * DEG_H)
+    gyro, accel = board.truth(400.0)
+    truth, inside, runs = board.attitude(np.array([400.0]))[0], np.zeros(4), 300
     for _ in range(runs):
         found = align_motion(
             gyro
@@ -111,6 +122,54 @@ def test_two_thirds_of_all_errors_are_within_one_sigma(latitude_deg):
         inside += np.abs(off) < np.append(found.sigma_rad, found.latitude_sigma_rad)
     assert (inside / runs > 0.58).all(), inside
     assert (inside / runs < 0.80).all(), inside
+
+
+def test_the_tilt_of_a_refused_heading_is_as_sure_as_it_says():
+    """The random walk of an MPU-6050's gyroscope turns the frame that gravity is averaged in."""
+    rng = np.random.default_rng(12)
+    errors = replace(MPU6050, gyro_bias_rad_s=1e-7, accel_bias_m_s2=1e-4, accel_noise_m_s2_rthz=1e-4)
+    board = replace(PERFECT, rate_hz=2.0)
+    gyro, accel = board.truth(250.0)
+    inside = np.zeros(2)
+    for _ in range(200):
+        noise = errors.gyro_sd_rad_s(0.5) * rng.standard_normal(gyro.shape)
+        found = align_motion(gyro + noise, accel, period_s=0.5, errors=errors)
+        assert found.heading is Heading.ARC_TOO_SHORT
+        # North is unknown: the tilt is that of the up axis.
+        up = rotate(found.q, np.array([0.0, 0.0, 1.0]))
+        inside += np.abs([up[1], up[0]]) < found.sigma_rad[:2]
+    assert (inside / 200 > 0.58).all(), inside
+    assert (inside / 200 < 0.80).all(), inside
+
+
+def test_more_noise_than_stated_is_noticed():
+    rng = np.random.default_rng(13)
+    board = replace(TILTED, rate_hz=20.0)
+    gyro, accel = board.truth(400.0)
+    noisy = accel + 1e-3 * rng.standard_normal(accel.shape)
+    quiet, loud = (
+        align_motion(gyro, force, period_s=0.05, errors=replace(TACTICAL, accel_noise_m_s2_rthz=1e-5))
+        for force in (accel, noisy)
+    )
+    assert quiet.latitude_sigma_rad < 0.01
+    assert loud.heading is Heading.ARC_TOO_SHORT or loud.latitude_sigma_rad > 5 * quiet.latitude_sigma_rad
+
+
+def test_heading_that_noise_alone_spoils_near_a_pole_is_refused():
+    """In half an hour the arc has a sagitta, but little horizontal earth rate is left at 88 deg."""
+    board = replace(PERFECT, latitude_rad=np.radians(88.0), rate_hz=1.0)
+    gyro, accel = board.truth(2000.0)
+    errors = replace(
+        TACTICAL,
+        gyro_bias_rad_s=1e-4 * DEG_H,
+        gyro_noise_rad_s_rthz=0.0,
+        accel_bias_m_s2=0.0,
+        accel_noise_m_s2_rthz=2e-3,
+    )
+    found = align_motion(gyro, accel, period_s=1.0, errors=errors)
+    assert found.heading is Heading.ARC_TOO_SHORT
+    assert "take longer" in found.reason
+    assert 0.2 < found.heading_sigma_rad < 1.0
 
 
 def test_two_thirds_of_the_headings_by_three_vectors_are_within_one_sigma():

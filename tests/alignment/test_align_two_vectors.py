@@ -107,6 +107,43 @@ def test_noise_that_no_data_sheet_knows_widens_the_sigma():
     assert sigma[2] == pytest.approx(0.1, rel=0.5)
 
 
+def shaken_along_x(heading_deg: float):
+    """Level, with slow shaking along the body's own x of 0.05 g a sample."""
+    q = from_euler(np.radians([0.0, 0.0, heading_deg]), order="zxy")
+    rng = np.random.default_rng(11)
+    accel = seen(q, UP) + np.repeat(rng.standard_normal((16, 1)), 100, axis=0) * [0.5, 0.0, 0.0]
+    return accel, seen(q, FIELD)
+
+
+def test_shaking_along_an_axis_is_doubt_about_the_other():
+    """And through the dip in heading, where it is a tilt about north."""
+    north, east = (
+        align_field(*shaken_along_x(heading), period_s=0.01, errors=replace(SHARP, accel_bias_m_s2=1e-4))
+        for heading in (0.0, 90.0)
+    )
+    assert north.sigma_rad[1] > 50 * north.sigma_rad[0]
+    assert east.sigma_rad[0] > 50 * east.sigma_rad[1]
+    assert north.sigma_rad[2] > 1.2 * east.sigma_rad[2]
+    assert north.sigma_rad[2] ** 2 - east.sigma_rad[2] ** 2 == pytest.approx(
+        (np.tan(DIP_RAD) * north.sigma_rad[1]) ** 2, rel=0.05
+    )
+
+
+def test_doubt_without_heading_is_about_the_axes_of_yaw_zero():
+    """Where x is forward and yaw counts from it, shaking along x is doubt about y."""
+    for heading_deg in (0.0, 50.0, 90.0):
+        level = align_level(shaken_along_x(heading_deg)[0], period_s=0.01, errors=replace(SHARP, accel_bias_m_s2=1e-4))
+        assert level.sigma_rad[1] > 50 * level.sigma_rad[0]
+
+
+def test_doubt_of_the_declination_is_doubt_of_heading():
+    level = np.array([1.0, 0.0, 0.0, 0.0])
+    found = align_field(
+        seen(level, UP), seen(level, FIELD), period_s=0.01, errors=SHARP, declination_sigma_rad=np.radians(6.0)
+    )
+    assert 6.0 < np.degrees(found.sigma_rad[2]) < 6.3
+
+
 def test_a_field_along_gravity_tells_no_heading():
     q = from_euler(np.radians([10.0, 20.0, 70.0]), order="zxy")
     field = 60.0 * np.array([0.0, np.sin(np.radians(5.0)), -np.cos(np.radians(5.0))])
@@ -156,6 +193,7 @@ def test_gravity_along_each_axis_is_level_enough_to_say_so():
         ([[0.0, 0.0, G]], [[np.inf, 0.0, 0.0]], "not finite"),
         ([[0.0, 0.0, 0.0]], [FIELD], "not gravity"),
         ([[0.0, 0.0, 1.0]], [FIELD], "1?0.102 g"),
+        ([[0.0, 0.0, 16.0]], [FIELD], "1.63 g, which is not gravity"),
         ([[0.0, 0.0, G]], [[0.0, 0.0, 0.0]], "magnetometer gives nothing"),
         (np.zeros((0, 3)), [FIELD], "0 samples"),
         ([0.0, 0.0, G], [FIELD], "one row x, y, z"),

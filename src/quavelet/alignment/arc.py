@@ -86,13 +86,14 @@ class Arc:
             return refused(heading, f"even at the equator {figures}", by_bias)
         # Gravity's apparent speed, over that at the equator, is cos L.
         speed, speed_sd = float(np.linalg.norm(slope_at_end @ self.cone)) / g, self._sd(slope_at_end) / g
-        if speed - 1.0 > SURPRISE * hypot(speed_sd, tilt, errors.gyro_bias_rad_s / EARTH_RATE_RAD_S):
+        walk_sd = sqrt(walk * self.slope_per_s) / EARTH_RATE_RAD_S
+        if speed - 1.0 > SURPRISE * hypot(speed_sd, walk_sd, tilt, errors.gyro_bias_rad_s / EARTH_RATE_RAD_S):
             reason = (
                 f"gravity moves {speed:.2g} times as fast as it can on the earth: the board turns or travels, or the "
                 "gyroscope's bias is not removed"
             )
             return refused(Heading.NOT_EARTH_RATE, reason)
-        if max(speed, speed_sd) < POLE_COSINE:
+        if max(speed, speed_sd, walk_sd) < POLE_COSINE:
             reason = (
                 f"gravity moves at {speed:.1%} of its speed at the equator: a pole within a degree, or a gyroscope "
                 "that lost the earth's rate together with its bias"
@@ -110,7 +111,7 @@ class Arc:
             )
             return refused(Heading.ARC_TOO_SHORT, reason)
         # The slope's part out of the cone's plane turns the axis to the east.
-        by_noise = hypot(speed_sd / speed**2, sqrt(walk * self.slope_per_s) / (EARTH_RATE_RAD_S * speed))
+        by_noise = hypot(speed_sd / speed**2, walk_sd / speed)
         axis = axis_of_cone(self.cone)
         matrix = earth_frame(axis, up)
         latitude = asin(float(matrix[2] @ axis / np.linalg.norm(axis)))
