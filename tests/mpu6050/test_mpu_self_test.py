@@ -318,8 +318,8 @@ def test_chip_that_takes_no_samples_is_told_apart_from_a_broken_axis():
 
 
 def test_chip_that_leaves_the_temperature_out_of_its_frames_is_not_said_to_have_moved():
-    """63 frames of 12 bytes are 54 of 14."""
-    bench = Bench(chip_type=StubbornChip, pll_error=0.05)
+    """56 frames of 12 bytes are 48 of 14."""
+    bench = Bench(chip_type=StubbornChip, pll_error=-0.07)
     bench.chip.stubborn = lambda at, byte: byte & 0x7F if at == 0x23 else byte
     with pytest.raises(ChipUnstable, match="FIFO"):
         bench.run()
