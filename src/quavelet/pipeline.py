@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from quavelet.attitude.doubt import Residual
-from quavelet.attitude.pid import PidFilter, PidState
+from quavelet.attitude.params import FilterState
 from quavelet.calibration.calibrate import Calibrate
 from quavelet.calibration.model import UNCALIBRATED, ImuCalibration
 from quavelet.calibration.still_bias import StillBias, StillBiasState
 from quavelet.core.blocks import AttitudeBlock, RawBlock
+from quavelet.core.flow import AttitudeFilter
 from quavelet.core.units import RAD_PER_DEG, STANDARD_GRAVITY_M_S2
 from quavelet.denoise.stage import Denoise, DenoiseState
 from quavelet.settings import Settings
@@ -21,7 +22,7 @@ class PipelineState:
 
     still_bias: StillBiasState
     denoise: DenoiseState | None
-    filter: PidState
+    filter: FilterState
 
 
 class Pipeline:
@@ -31,7 +32,11 @@ class Pipeline:
     """
 
     def __init__(
-        self, calibrate: Calibrate, still_bias: StillBias, denoise: Denoise | None, attitude: PidFilter
+        self,
+        calibrate: Calibrate,
+        still_bias: StillBias,
+        denoise: Denoise | None,
+        attitude: AttitudeFilter[FilterState],
     ) -> None:
         self._calibrate = calibrate
         self._still_bias = still_bias
@@ -71,5 +76,5 @@ def build_pipeline(settings: Settings, *, calibration: ImuCalibration = UNCALIBR
         Calibrate(calibration),
         StillBias(window_s=settings.start.still_s),
         Denoise(row_filter, sample_rate_hz=settings.chip.sample_rate_hz) if row_filter else None,
-        PidFilter(settings.filter, residual=residual),
+        settings.filter.build(residual=residual),
     )

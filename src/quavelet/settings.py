@@ -11,7 +11,7 @@ from typing import cast
 
 import msgspec
 
-from quavelet.attitude.pid import PidParams
+from quavelet.attitude.params import FilterParams
 from quavelet.core.errors import SettingsError
 from quavelet.denoise.params import DenoiseParams
 from quavelet.mpu6050.config import ChipConfig
@@ -97,7 +97,7 @@ class Settings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     offsets: OffsetSettings = OffsetSettings()
     start: StartSettings = StartSettings()
     denoise: DenoiseParams = DenoiseParams()
-    filter: PidParams = PidParams()
+    filter: FilterParams = FilterParams()
     loop: LoopSettings = LoopSettings()
 
     def __post_init__(self) -> None:

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from program import quavelet
 
-from quavelet.attitude.pid import PidParams
+from quavelet.attitude.params import FilterParams
 from quavelet.cli import exits
 from quavelet.cli.config import as_toml
 from quavelet.settings import BusSettings, LoadedSettings, Settings, StartSettings, load_settings, parse_settings
@@ -22,7 +22,7 @@ SETTINGS = st.builds(
         still_s=st.floats(0.5, 60.0),
         gyro_bias_dps=st.just(()) | st.tuples(*[st.floats(-50.0, 50.0)] * 3),
     ),
-    filter=st.builds(PidParams, kp=GAIN, ki=GAIN, kd=GAIN, integral_limit_rad_s=GAIN),
+    filter=st.builds(FilterParams, kind=st.just("pid"), kp=GAIN, ki=GAIN, kd=GAIN, integral_limit_rad_s=GAIN),
 )
 
 

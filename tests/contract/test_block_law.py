@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from msgspec import structs
 
 from quavelet.attitude.doubt import Residual
+from quavelet.attitude.params import FilterParams
 from quavelet.attitude.pid import PidFilter, PidParams
 from quavelet.calibration.calibrate import Calibrate
 from quavelet.calibration.model import ImuCalibration
@@ -20,7 +21,6 @@ from quavelet.core.blocks import Flag, ImuBlock, RawBlock, Scale, array_fields, 
 from quavelet.denoise.params import DenoiseParams
 from quavelet.denoise.stage import Denoise
 from quavelet.pipeline import build_pipeline
-from quavelet.settings import PidParams as Params
 from quavelet.settings import Settings, StartSettings
 
 SCALE = Scale(gyro_rad_s_per_lsb=np.radians(1 / 65.5), accel_m_s2_per_lsb=9.80665 / 8192, temp_degc_per_lsb=1 / 340,
@@ -73,7 +73,7 @@ def denoised(**params):
     return stuck_at_times_block, lambda: Denoise(DenoiseParams(**params).build(), sample_rate_hz=200.0)
 
 
-QUICK = Settings(start=StartSettings(still_s=0.5), filter=Params(kp=1.0, ki=0.1, kd=0.3))
+QUICK = Settings(start=StartSettings(still_s=0.5), filter=FilterParams(kind="pid", kp=1.0, ki=0.1, kd=0.3))
 
 
 def replace_denoise(settings: Settings, **params) -> Settings:
@@ -101,7 +101,16 @@ STAGES = {
         raw_block,
         lambda: build_pipeline(replace_denoise(QUICK, kind="wavelet", levels=1), calibration=TILTED),
     ),
+    "gated, bias unknown then known": (levelled_block, lambda: FilterParams(relearn_s=5.0).build(residual=RESIDUAL)),
+    "gated, a known bias that is wrong": (
+        lambda seed, n: imu_block(seed, n, bias_unknown=False),
+        lambda: FilterParams(method="exp").build(residual=RESIDUAL),
+    ),
+    "velocity": (levelled_block, lambda: FilterParams(kind="velocity", tau_s=2.0).build(residual=RESIDUAL)),
+    "gyro": (levelled_block, lambda: FilterParams(kind="gyro").build(residual=RESIDUAL)),
+    "accelerometer": (levelled_block, lambda: FilterParams(kind="accelerometer").build(residual=RESIDUAL)),
     "the whole pipeline": (raw_block, lambda: build_pipeline(QUICK, calibration=TILTED)),
+    "the pipeline as it is by default": (raw_block, lambda: build_pipeline(Settings(), calibration=TILTED)),
 }
 
 

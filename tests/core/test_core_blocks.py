@@ -142,6 +142,7 @@ def test_the_names_and_bits_of_flags_that_messages_and_recordings_carry_do_not_c
         "CHIP_UPSET": 512,
         "IMPLAUSIBLE": 1024,
         "STUCK": 2048,
+        "HEADING_SUSPECT": 4096,
     }
 
 

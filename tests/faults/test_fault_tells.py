@@ -87,6 +87,10 @@ def spun() -> Rig:
     return struck(motion=Turntable(start_s=1.0, rate_deg_s=900.0, turn_deg=9000.0), seconds=1.0)
 
 
+def slowly_turned() -> Rig:
+    return struck(motion=Turntable(start_s=4.0, rate_deg_s=0.2, turn_deg=10.0), seconds=16.0)
+
+
 FLAGS: dict[str, Callable[[], Rig]] = {
     "GAP": late,
     "OVERFLOW": late,
@@ -100,6 +104,7 @@ FLAGS: dict[str, Callable[[], Rig]] = {
     "CHIP_UPSET": lambda: struck("brown-out"),
     "IMPLAUSIBLE": lambda: struck("temperature by=30 for=0.3"),
     "STUCK": lambda: struck("frozen for=1"),
+    "HEADING_SUSPECT": slowly_turned,
 }
 COUNTERS: dict[str, Callable[[], Rig]] = {
     "samples": lambda: struck(seconds=0.1),

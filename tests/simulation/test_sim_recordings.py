@@ -10,17 +10,18 @@ from session import Session, run_session
 
 from hw_fakes import open_fake
 from quavelet.attitude.doubt import Residual
-from quavelet.attitude.pid import PidFilter
+from quavelet.attitude.pid import PidFilter, PidParams
 from quavelet.core.blocks import Flag, ImuBlock
 from quavelet.core.clock import VirtualClock
 from quavelet.core.euler import to_euler
 from quavelet.core.quaternion import conjugate, rotate
 from quavelet.core.units import NS_PER_S, STANDARD_GRAVITY_M_S2
 from quavelet.mpu6050.config import ChipConfig
-from quavelet.settings import PidParams, Settings, StartSettings
+from quavelet.settings import FilterParams, Settings, StartSettings
 
 RECORDED = ChipConfig(gyro_range_dps=250, accel_range_g=8, dlpf=3, sample_rate_hz=100.0)
 PLAIN_PID = PidParams(kp=1.0, ki=0.0)
+PLAIN = FilterParams(kind="pid", kp=1.0, ki=0.0)
 RESIDUAL = Residual(tilt_rad=0.03, gyro_bias_rad_s=2e-4, gyro_bias_rad_s_degc=0.0, gyro_scale=0.02)
 SET_1_BIAS_DPS = (4.54, 0.12, 1.02)
 SET_1_GRAVITY = 1.035
@@ -36,7 +37,7 @@ HAND = [
 ]
 
 
-def played(file: Path, *, params: PidParams, bias_dps: tuple[float, ...] = ()) -> Session:
+def played(file: Path, *, params: FilterParams, bias_dps: tuple[float, ...] = ()) -> Session:
     clock = VirtualClock()
     settings = Settings(chip=RECORDED, filter=params, start=StartSettings(gyro_bias_dps=bias_dps))
     return run_session(open_fake(f"counts:{file}", clock=clock), clock, settings, seconds=None)
@@ -45,7 +46,7 @@ def played(file: Path, *, params: PidParams, bias_dps: tuple[float, ...] = ()) -
 @pytest.fixture(scope="module")
 def still() -> tuple[Session, dict[str, np.ndarray]]:
     file = _recordings() / "sunsided_set-2_unmoved-with-x-pointing-forward-10min.npz"
-    return played(file, params=PLAIN_PID), dict(np.load(file))
+    return played(file, params=PLAIN), dict(np.load(file))
 
 
 def _recordings() -> Path:
@@ -113,7 +114,7 @@ def test_which_sign_of_the_x_rate_the_published_figure_had(x_sign, roll_deg, pit
 
 @pytest.mark.parametrize("name", HAND)
 def test_gravity_agrees_with_the_accelerometer_where_it_can_be_trusted(name, capsys):
-    session = played(_recordings() / f"sunsided_set-1_{name}.npz", params=PLAIN_PID, bias_dps=SET_1_BIAS_DPS)
+    session = played(_recordings() / f"sunsided_set-1_{name}.npz", params=PLAIN, bias_dps=SET_1_BIAS_DPS)
     block = session.attitude
     norm = np.linalg.norm(block.accel_m_s2, axis=1)
     slow = np.degrees(np.linalg.norm(block.gyro_rad_s, axis=1)) < 20.0

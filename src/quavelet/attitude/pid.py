@@ -23,6 +23,7 @@ import numpy as np
 
 from quavelet.attitude.correction import Correction, Gains, corrected
 from quavelet.attitude.doubt import Doubt, Residual, after_gap, after_step, bias_sigma, sigmas
+from quavelet.attitude.inputs import refuse_bad
 from quavelet.attitude.kernel import (
     IDENTITY,
     ZERO,
@@ -97,11 +98,12 @@ class PidState:
 
 
 class PidFilter:
-    """`ImuBlock` to `AttitudeBlock`; an `AttitudeFilter`."""
+    """`ImuBlock` to `AttitudeBlock`; an `AttitudeFilter`. With all gains zero gravity is asked at the start only."""
 
     def __init__(self, params: PidParams, *, residual: Residual) -> None:
         self.params = params
         self._residual = residual
+        self._open_loop = not (params.kp or params.ki or params.kd)
         self._gains = Gains(params.kp, params.ki, params.kd, params.kd_tau_s, params.integral_limit_rad_s)
         self._s = PidState()
 
@@ -112,6 +114,7 @@ class PidFilter:
         self._s = state
 
     def process(self, block: ImuBlock) -> AttitudeBlock:
+        refuse_bad(block)
         n = len(block)
         q, sigma, flags = np.empty((n, 4)), np.empty((n, 3)), block.flags.copy()
         integral = np.empty((n, 3))
@@ -152,18 +155,18 @@ class PidFilter:
         if sample.stuck:
             return replace(s, stuck_s=s.stuck_s + sample.gap_s + sample.dt)
         if sample.gap_s > 0.0 or s.stuck_s:
-            s = _bridged(s, sample, gap_s=sample.gap_s + s.stuck_s)
+            s = _bridged(s, sample, gap_s=sample.gap_s + s.stuck_s, open_loop=self._open_loop)
         drift = bias_sigma(self._residual, known=known, warmer_degc=sample.temp_degc - s.bias_degc)
         if sample.still and not known:
             return _levelled(s, sample, drift)
-        gains = gains_of(s.settling, self._gains, bias_known=known)
+        gains = self._gains if self._open_loop else gains_of(s.settling, self._gains, bias_known=known)
         error, up = tilt_error(s.q, sample.force), up_in_body(s.q)
         correction = corrected(s.correction, error, up, sample.dt, gains)
         wx, wy, wz = sample.rate
         cx, cy, cz = correction.rate_rad_s
         held = (wx + cx, wy + cy, wz + cz)
         turn = held[0] * up[0] + held[1] * up[1] + held[2] * up[2]
-        doubt = after_step(s.doubt, error, turn, drift, sample.dt, gains.kp)
+        doubt = after_step(s.doubt, error, turn, drift, sample.dt, gains.kp or 1.0)
         # Not `replace`, which takes longer than all of the above.
         return PidState(
             q=step(s.q, held, sample.dt, self.params.method),
@@ -190,7 +193,7 @@ def _with_new_bias(s: PidState, sample: Sample) -> PidState:
     return replace(new, doubt=doubt, settling=settled())
 
 
-def _bridged(s: PidState, sample: Sample, *, gap_s: float) -> PidState:
+def _bridged(s: PidState, sample: Sample, *, gap_s: float, open_loop: bool) -> PidState:
     """The state at the gap's end; the step is long, so it is taken exactly."""
     last = s.rate_rad_s or sample.rate
     change = (sample.rate[0] - last[0], sample.rate[1] - last[1], sample.rate[2] - last[2])
@@ -199,7 +202,7 @@ def _bridged(s: PidState, sample: Sample, *, gap_s: float) -> PidState:
     held_s = min(gap_s, HOLD_S)
     q = step(s.q, held, held_s, "exp")
     s = replace(s, q=q, doubt=after_gap(s.doubt, change, gap_s, unheld=hypot(*held) * (gap_s - held_s)), stuck_s=0.0)
-    if gap_s <= LONG_GAP_S:
+    if gap_s <= LONG_GAP_S or open_loop:
         return s
     settling = restarted(bias_known=s.bias is not None, after_gap=True)
     return replace(s, q=levelled(q, sample.force), settling=settling)

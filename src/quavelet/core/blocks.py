@@ -48,6 +48,9 @@ class Flag(IntFlag):
     """The gap began with frames that no sensor gives, which were thrown away."""
     STUCK = 2048
     """No axis has changed for so long that the chip is more likely stuck than still: real sensors have noise."""
+    HEADING_SUSPECT = 4096
+    """For ten seconds a small steady rate has been there that is not the bias: a slow turn, or a bias that has run
+    away, which no six axes can tell apart. Until the board is still again heading may drift."""
 
     @classmethod
     def names(cls, value: int) -> list[str]:
