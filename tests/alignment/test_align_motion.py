@@ -96,7 +96,12 @@ def test_a_swinging_board_is_aligned_where_it_is_at_the_end():
         # Tilt by bias, and through it heading.
         (
             75.0,
-            replace(TACTICAL, gyro_bias_rad_s=1e-3 * DEG_H, gyro_noise_rad_s_rthz=0.0, accel_bias_m_s2=800 * MICRO_G),
+            SensorErrors(
+                accel_noise_m_s2_rthz=1 * MICRO_G,
+                accel_bias_m_s2=800 * MICRO_G,
+                gyro_noise_rad_s_rthz=0.0,
+                gyro_bias_rad_s=1e-3 * DEG_H,
+            ),
         ),
     ],
 )
