@@ -12,6 +12,9 @@ from hypothesis import strategies as st
 from msgspec import structs
 
 from quavelet.attitude.doubt import Residual
+from quavelet.attitude.fusion import FusionFilter
+from quavelet.attitude.fusion_literal import LiteralFusionFilter, LiteralParams
+from quavelet.attitude.fusion_params import FusionParams
 from quavelet.attitude.params import FilterParams
 from quavelet.attitude.pid import PidFilter, PidParams
 from quavelet.calibration.calibrate import Calibrate
@@ -101,6 +104,12 @@ STAGES = {
         raw_block,
         lambda: build_pipeline(replace_denoise(QUICK, kind="wavelet", levels=1), calibration=TILTED),
     ),
+    "fusion, bias unknown then known": (levelled_block, lambda: FusionFilter(FusionParams(), residual=RESIDUAL)),
+    "fusion by gravity alone": (
+        lambda seed, n: imu_block(seed, n, bias_unknown=False),
+        lambda: FusionFilter(FusionParams(model="gravity", norm_gate=0.03), residual=RESIDUAL),
+    ),
+    "fusion as written": (levelled_block, lambda: LiteralFusionFilter(LiteralParams(), residual=RESIDUAL)),
     "gated, bias unknown then known": (levelled_block, lambda: FilterParams(relearn_s=5.0).build(residual=RESIDUAL)),
     "gated, a known bias that is wrong": (
         lambda seed, n: imu_block(seed, n, bias_unknown=False),
