@@ -70,6 +70,7 @@ if TYPE_CHECKING:
     from hw_fakes.ways.preload import served_device as served_device
     from hw_fakes.wire.adapter import Adapter as Adapter
     from hw_fakes.wire.bus import FakeBus as FakeBus
+    from hw_fakes.wire.int_line import FakeDataReady as FakeDataReady
     from hw_fakes.wire.script import ScriptedBus as ScriptedBus
     from hw_fakes.wire.script import Write as Write
     from hw_fakes.wire.script import WriteRead as WriteRead
@@ -96,6 +97,7 @@ if TYPE_CHECKING:
 _NAMES = {
     "boards": "BOARDS Board board",
     "wire.bus": "FakeBus",
+    "wire.int_line": "FakeDataReady",
     "chip.mpu6050": "FakeMpu6050",
     "faults.of_chip": (
         "BrownOut Changed FallenAsleep FifoOverflow FifoSlip Frozen NoInterrupts Swapped Unplugged WrongTemperature"

@@ -7,11 +7,15 @@ from collections.abc import Mapping
 from types import TracebackType
 from typing import Self
 
+from hw_fakes.chip.mpu6050 import FakeMpu6050
 from hw_fakes.target import Target
 from hw_fakes.wire.adapter import READ, Adapter, Message
+from hw_fakes.wire.int_line import FakeDataReady
 from quavelet.bus.faults import bus_error
 from quavelet.core.clock import Clock
-from quavelet.core.errors import BusError
+from quavelet.core.errors import BusError, SettingsError
+
+INT_LINE = "fake:int"
 
 
 class FakeBus:
@@ -56,6 +60,15 @@ class FakeBus:
         if not data or n < 1:
             raise ValueError("a combined read needs at least one byte to write and one to read")
         return self._transfer([(address, 0, data), (address, READ, n)])[1]
+
+    def data_ready(self, name: str, /, *, address: int) -> FakeDataReady:
+        """The wire "fake:int" from the INT pin of the chip at `address`. Raises SettingsError for any other."""
+        if name != INT_LINE:
+            raise SettingsError(f"there is no line '{name}' at a fake bus: write {INT_LINE}")
+        chip = self.targets.get(address)
+        if not isinstance(chip, FakeMpu6050):
+            raise SettingsError(f"there is no MPU-6050 with an INT pin at 0x{address:02x} on {self._name}")
+        return FakeDataReady(chip, clock=self.clock, name=name)
 
     def close(self) -> None:
         self._closed = True

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from pathlib import Path
 
-from quavelet.bus.open import open_bus
-from quavelet.bus.protocol import I2CBus
+from quavelet.bus.open import open_bus, open_line
+from quavelet.bus.protocol import DataReady, I2CBus
 from quavelet.core.blocks import AttitudeBlock
 from quavelet.core.clock import Clock, MonotonicClock
 from quavelet.core.closing import Closing
@@ -25,6 +26,7 @@ from quavelet.sinks.message import Message, message_of
 class Imu(Closing):
     """A chip on an open bus. Iterating gives a `Message` at each deadline of the loop that has new samples.
 
+    line is the open wire from its INT pin, None where there is none; closing closes both.
     on_stream and on_drain are told what a recording needs (see `ChipSource`).
     """
 
@@ -34,10 +36,12 @@ class Imu(Closing):
         *,
         settings: Settings,
         clock: Clock,
+        line: DataReady | None = None,
         on_stream: Callable[[StreamInfo], None] | None = None,
         on_drain: Callable[[Drain], None] | None = None,
     ) -> None:
         self.bus = bus
+        self.line = line
         self.settings = settings
         self.clock = clock
         self.health = Health()
@@ -50,6 +54,7 @@ class Imu(Closing):
             offsets=settings.offsets.plan(),
             clock=clock,
             health=self.health,
+            line=line,
             on_stream=on_stream,
             on_drain=on_drain,
         )
@@ -83,14 +88,20 @@ class Imu(Closing):
 
     def close(self) -> None:
         self.bus.close()
+        if self.line is not None:
+            self.line.close()
 
 
 def open_imu(bus: str | None = None, *, config: Path | str | None = None, clock: Clock | None = None) -> Imu:
     """An `Imu` on the bus called `bus` ("linux:1", "fake:tilt"), set up by the TOML file `config`.
 
-    Raises SettingsError for a setting that cannot be, BusError where the bus cannot be opened.
+    Raises SettingsError for a setting that cannot be, BusError where the bus or its data-ready line cannot be opened.
     """
     options = {} if bus is None else {"bus.name": bus}
     settings = load_settings(Path(config) if config else None, options=dict(options)).settings
     clock = clock or MonotonicClock()
-    return Imu(open_bus(settings.bus.name, clock=clock), settings=settings, clock=clock)
+    with ExitStack() as stack:
+        i2c = stack.enter_context(open_bus(settings.bus.name, clock=clock))
+        line = open_line(settings.bus.int_line, bus=i2c, address=settings.bus.address)
+        stack.pop_all()
+    return Imu(i2c, settings=settings, clock=clock, line=line)

@@ -27,17 +27,22 @@ class BusSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     name        "linux:N" for /dev/i2c-N, or "fake:NAME"
     address     0x68, or 0x69 with AD0 high
     accept_id   a WHO_AM_I that is driven, as an MPU-6500, although quavelet does not know it; 0: none
+    int_line    the GPIO that INT is wired to, "LABEL:LINE" as `gpiodetect` shows them, or "fake:int" on a fake bus; "":
+                none
     """
 
     name: str = "linux:1"
     address: int = 0x68
     accept_id: int = 0
+    int_line: str = ""
 
     def __post_init__(self) -> None:
         if not 0x00 <= self.accept_id <= 0xFE:
             raise SettingsError(f"accept_id = {self.accept_id} is no WHO_AM_I: give 0x01 to 0xfe, or 0 for none")
         if not 0x08 <= self.address <= 0x77:
             raise SettingsError(f"address = {self.address} is not a 7-bit device address: give 0x68 or 0x69")
+        if self.int_line and not all(self.int_line.rpartition(":")[::2]):
+            raise SettingsError(f"int_line = '{self.int_line}' is no line: write LABEL:LINE, as pinctrl-bcm2711:17")
 
 
 class StartSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

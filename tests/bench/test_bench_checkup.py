@@ -17,6 +17,7 @@ from hw_fakes import (
     PERSONALITIES,
     TYPICAL,
     FakeBus,
+    FakeDataReady,
     FakeMpu6050,
     Personality,
     Sway,
@@ -24,6 +25,7 @@ from hw_fakes import (
 )
 from quavelet.bench.host import Host
 from quavelet.bus.faults import bus_error
+from quavelet.bus.protocol import Edge
 from quavelet.core.clock import Clock
 from quavelet.core.errors import BusBusy, BusError, ChipUnstable, DeviceLost, DeviceMissing, WrongChip
 from quavelet.mpu6050.config import ChipConfig
@@ -42,6 +44,49 @@ def chip(**arguments: Any) -> Callable[[Clock], FakeMpu6050]:
 
 def config(rate_hz: float = 200.0, *, dlpf: int = 3, gyro: int = 500, accel: int = 4) -> Settings:
     return Settings(chip=ChipConfig(gyro_range_dps=gyro, accel_range_g=accel, dlpf=dlpf, sample_rate_hz=rate_hz))
+
+
+def wired(line: str = "fake:int") -> Settings:
+    return Settings(bus=BusSettings(int_line=line))
+
+
+def test_a_data_ready_line_that_works_passes_with_its_rate() -> None:
+    done = checked(settings=wired())
+    assert (done.bad, done.error) == ([], None)
+    assert done.names == [*POINTS[:8], "data-ready line", *POINTS[8:]]
+    line, rate = done["data-ready line"], done["sample rate"]
+    assert "fake:int, one with each sample" in line.found
+    assert line.figures["pulses_hz"] == pytest.approx(rate.figures["rate_hz"], rel=1e-4)
+
+
+def test_a_data_ready_line_without_pulses_is_told_where_to_wire_it() -> None:
+    done = checked(settings=wired(), prepare=lambda bus: setattr(bus.targets[0x68], "int_connected", False))
+    assert done.bad == ["data-ready line"]
+    assert done["data-ready line"].found.startswith("no pulse from fake:int in 5 s")
+    assert "wire the board's INT to fake:int" in done["data-ready line"].advice
+
+
+def test_a_data_ready_line_of_which_half_the_pulses_come_is_bad() -> None:
+    done = checked(settings=wired(), prepare=half_of_the_pulses)
+    assert done.bad == ["data-ready line"]
+    assert "pulses/s from fake:int where the chip takes 20" in done["data-ready line"].found
+
+
+def half_of_the_pulses(bus: FakeBus) -> None:
+    class Half(FakeDataReady):
+        def wait(self, timeout_s: float) -> list[Edge]:
+            return [Edge(edge.t_ns, edge.seq // 2) for edge in super().wait(timeout_s) if edge.seq % 2]
+
+    bus.data_ready = lambda name, /, *, address: Half(  # type: ignore[method-assign]
+        good_chip(bus.clock) if address != 0x68 else bus.targets[0x68], clock=bus.clock, name=name
+    )
+
+
+def test_a_data_ready_line_that_is_none_does_not_end_the_check_up() -> None:
+    done = checked(settings=wired("pinctrl-rp1:17"))
+    assert (done.bad, done.error) == (["data-ready line"], None)
+    assert "write fake:int" in done["data-ready line"].advice
+    assert set(POINTS) < set(done.names)
 
 
 def well_formed(done: Checked) -> None:

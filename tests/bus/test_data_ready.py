@@ -12,8 +12,7 @@ from types import ModuleType
 import pytest
 from gpio_lines import CONFIG, LABEL, StandIn, simulated_chip
 
-from hw_fakes import FakeMpu6050
-from hw_fakes.wire.int_line import FakeDataReady
+from hw_fakes import FakeDataReady, FakeMpu6050
 from quavelet.bus.data_ready import open_data_ready
 from quavelet.bus.protocol import DataReady
 from quavelet.core.clock import Clock, MonotonicClock, VirtualClock

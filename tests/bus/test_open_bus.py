@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import errno
+import sys
 from importlib.metadata import EntryPoint, EntryPoints
 from pathlib import Path
 
 import pytest
 from i2c_dev import kernel_with
 
-from hw_fakes import FakeBus
+from hw_fakes import FakeBus, FakeDataReady, ScriptedBus
 from hw_fakes.wire.adapter import Adapter
-from quavelet.bus.open import GROUP, open_bus
+from quavelet.bus.open import GROUP, open_bus, open_line
 from quavelet.core.clock import VirtualClock
 from quavelet.core.errors import BusPermission, DeviceMissing, SettingsError
 
@@ -86,3 +87,28 @@ def test_an_installed_package_adds_a_kind_of_bus(tmp_path: Path, monkeypatch: py
     assert open_bus("fake:still", clock=clock).name == "fake:still"
     with pytest.raises(SettingsError, match=r"fake:\.\.\., linux:\.\.\., radio:\.\.\."):
         open_bus("nonsense", clock=clock)
+
+
+def test_no_name_is_no_line_on_any_bus() -> None:
+    assert open_line("", bus=ScriptedBus([]), address=0x68) is None
+    assert open_line("", bus=open_bus("fake:still", clock=VirtualClock()), address=0x68) is None
+
+
+def test_a_fake_bus_gives_the_line_of_its_chip_and_no_gpio_of_this_machine() -> None:
+    bus = open_bus("fake:still", clock=VirtualClock())
+    assert isinstance(bus, FakeBus)
+    line = open_line("fake:int", bus=bus, address=0x68)
+    assert isinstance(line, FakeDataReady)
+    assert (line.name, line.chip) == ("fake:int", bus.targets[0x68])
+    with pytest.raises(SettingsError, match="no line 'pinctrl-rp1:17' at a fake bus: write fake:int"):
+        open_line("pinctrl-rp1:17", bus=bus, address=0x68)
+    with pytest.raises(SettingsError, match="no MPU-6050 with an INT pin at 0x69"):
+        open_line("fake:int", bus=bus, address=0x69)
+
+
+def test_a_real_bus_never_gets_the_line_of_a_fake_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "gpiod", None)
+    monkeypatch.setattr(FakeDataReady, "__init__", lambda *_, **__: pytest.fail("the fake was made"))
+    for name in ("fake:int", "pinctrl-rp1:17"):
+        with pytest.raises(SettingsError, match=r"needs gpiod, which is not installed: pip install 'quavelet\[gpio\]'"):
+            open_line(name, bus=ScriptedBus([]), address=0x68)

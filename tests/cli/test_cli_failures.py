@@ -49,6 +49,7 @@ def test_a_wrong_option_is_one_sentence(arguments: tuple[str, ...], code: int, w
 @pytest.mark.parametrize(
     ("toml", "words"),
     [
+        ("[bus]\nint_line = '17'", "bus: int_line = '17' is no line: write LABEL:LINE"),
         ("[chip]\nsample_rate_hz = 300", "chip: sample_rate_hz = 300 cannot be made"),
         ("[chip]\nsample_rate_hz = nan", "chip.sample_rate_hz = nan is not a finite number"),
         ("[loop]\nrate_hz = 1e999", "loop.rate_hz = inf is not a finite number"),

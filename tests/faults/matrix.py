@@ -15,7 +15,7 @@ from itertools import pairwise
 import numpy as np
 from in_self_test import self_test_cell, summed_up
 
-from hw_fakes import NOISE_ONLY, FakeBus, FakeMpu6050, Tilt
+from hw_fakes import NOISE_ONLY, FakeBus, FakeDataReady, FakeMpu6050, Tilt
 from hw_fakes.faults.of_wires import CutWrite, FlippedWrite, TimedOut
 from hw_fakes.faults.plan import parse
 from quavelet.cli.exits import exit_code
@@ -77,12 +77,17 @@ KINDS: dict[str, tuple[str, ...]] = {
     "lines at 0x00": ("zeros", "zeros for=0.3", "zeros for=5"),
     "lines at 0xFF": ("ones", "ones for=0.3", "ones for=5"),
     "interrupts lost": ("int-lost for=1",),
+    "interrupts lost, with a line": ("line: int-lost for=1",),
+    "supply dips, with a line": ("line: brown-out",),
+    "pin changes, with a line": ("line: changed register=0x37 value=0x20", "line: changed register=0x38 value=0x10"),
     "slow wires": ("slow factor=4 for=1", "slow factor=20 for=1"),
     "unplugged": ("unplugged for=2",),
     "unplugged for ever": ("unplugged",),
     "chip exchanged": ("swapped personality=MPU-6500",),
 }
 ROWS = tuple(row for rows in KINDS.values() for row in rows)
+WIRED = "line: "
+"""Before a fault: with the INT pin at a data-ready line."""
 
 WARM_S = 4.5
 LATER_S = 2.0
@@ -93,8 +98,9 @@ _STEPS = {"reset": Step.WAIT_RESET, "configure": Step.CONFIGURE, "start": Step.S
 
 @dataclass
 class Bed:
-    """A chip on a board that tilts, the driver and the pipeline, drained at 100 Hz."""
+    """A chip on a board that tilts, the driver and the pipeline, drained at 100 Hz; `wired` with a data-ready line."""
 
+    wired: bool = False
     clock: VirtualClock = field(default_factory=VirtualClock)
     health: Health = field(default_factory=Health)
     attitudes: list[AttitudeBlock] = field(default_factory=list)
@@ -105,7 +111,10 @@ class Bed:
         self.motion = Tilt(start_s=3.0)
         self.chip = FakeMpu6050(self.clock, motion=self.motion, imperfections=NOISE_ONLY, pll_error=0.01, seed=1)
         self.bus = FakeBus({0x68: self.chip}, clock=self.clock, name="fake:matrix")
-        self.source = ChipSource(self.bus, address=0x68, config=settings.chip, clock=self.clock, health=self.health)
+        line = FakeDataReady(self.chip, clock=self.clock) if self.wired else None
+        self.source = ChipSource(
+            self.bus, address=0x68, config=settings.chip, clock=self.clock, health=self.health, line=line
+        )
         self.pipeline = build_pipeline(settings)
 
     def twin(self) -> Bed:
@@ -170,23 +179,23 @@ class Cell:
         return f"{self.outcome} {detect} / {recover} ms, {self.worse_deg or 0.0:+.2f}°{flagged}"
 
 
-@lru_cache(maxsize=1)
-def warm() -> Bed:
-    bed = Bed()
+@lru_cache(maxsize=2)
+def warm(wired: bool = False) -> Bed:
+    bed = Bed(wired=wired)
     bed.run_until(round(WARM_S * NS_PER_S))
     return bed
 
 
-@lru_cache(maxsize=1)
-def undisturbed() -> tuple[np.ndarray, np.ndarray]:
-    bed = warm().twin()
+@lru_cache(maxsize=2)
+def undisturbed(wired: bool = False) -> tuple[np.ndarray, np.ndarray]:
+    bed = warm(wired).twin()
     bed.run_until(bed.clock.now_ns() + 18 * NS_PER_S)
     return bed.errors_deg()
 
 
-def bed_in(state: str) -> Bed:
+def bed_in(state: str, wired: bool = False) -> Bed:
     """A bed whose driver is in this state."""
-    bed = Bed() if state in ("reset", "configure", "start") else warm().twin()
+    bed = Bed(wired=wired) if state in ("reset", "configure", "start") else warm(wired).twin()
     if state == "brought back":
         bed.bus.adapter.faults.add(parse("brown-out"))
     while state != "streaming" and bed.source.step is not _STEPS[state]:
@@ -196,7 +205,8 @@ def bed_in(state: str) -> Bed:
 
 def cell(fault: str, state: str) -> Cell:
     """Let a fault happen in a state, and see."""
-    bed, entry = bed_in(state), parse(fault)
+    wired = fault.startswith(WIRED)
+    bed, entry = bed_in(state, wired), parse(fault.removeprefix(WIRED))
     told, faults = bed.told(), bed.bus.adapter.faults
     old = len(faults.history)
     faults.add(entry)
@@ -238,7 +248,7 @@ def cell(fault: str, state: str) -> Cell:
     again_ns = max(pauses) if pauses else good[0] if good else None
     steps = np.diff(t_ns)
     late = t_ns >= end_ns + LATER_S * NS_PER_S
-    base_t, base_errors = undisturbed()
+    base_t, base_errors = undisturbed(wired)
     worse = errors[late] - np.interp(t_ns[late], base_t, base_errors)
     return Cell(
         fault,

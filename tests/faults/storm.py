@@ -21,7 +21,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "mpu6050"))
 
 from chip_rig import ADDRESS, config
 
-from hw_fakes import NOISE_ONLY, FakeBus, FakeMpu6050, Tilt
+from hw_fakes import NOISE_ONLY, FakeBus, FakeDataReady, FakeMpu6050, Tilt
 from hw_fakes.faults.plan import parse
 from quavelet.core.blocks import Flag, RawBlock
 from quavelet.core.clock import VirtualClock
@@ -126,11 +126,13 @@ def storm(
     loop_ms: float = 10.0,
     traced: bool = False,
     attitude: bool = False,
+    wired: bool = False,
 ) -> Outcome:
     """Run until `transactions` or `virtual_s` have passed.
 
     p            chance of a fault for each transaction, over all kinds
     per_minute   or so many on average
+    wired        with the INT pin at a data-ready line
     attitude     through the pipeline too: how far the tilt is off at worst where nothing is flagged is then known
     """
     rng, out, clock = Random(seed), Outcome(seed), VirtualClock(5 * NS_PER_S)
@@ -143,7 +145,8 @@ def storm(
     settings = Settings()
 
     def fresh() -> ChipSource:
-        return ChipSource(bus, address=ADDRESS, config=chip_config, clock=clock, health=out.health)
+        line = FakeDataReady(chip, clock=clock) if wired else None
+        return ChipSource(bus, address=ADDRESS, config=chip_config, clock=clock, health=out.health, line=line)
 
     for k, text in enumerate((*WIRES, *CHIPS)):
         share = WIRE_SHARE / len(WIRES) if k < len(WIRES) else (1 - WIRE_SHARE) / len(CHIPS)

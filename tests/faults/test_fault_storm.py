@@ -33,9 +33,9 @@ def check(out: Outcome) -> None:
     assert out.resident_mb[1] < out.resident_mb[0] + 40.0
 
 
-@pytest.mark.parametrize("seed", [1, None])
-def test_storm_of_every_fault_lets_something_wrong_through(seed):
-    out = storm(seed=secrets.randbits(31) if seed is None else seed, transactions=30_000)
+@pytest.mark.parametrize(("seed", "wired"), [(1, False), (None, False), (None, True)])
+def test_storm_of_every_fault_lets_something_wrong_through(seed, wired):
+    out = storm(seed=secrets.randbits(31) if seed is None else seed, transactions=30_000, wired=wired)
     check(out)
     assert out.faults > 200 and out.spoilt_reads > 3
     assert out.samples > 12_000

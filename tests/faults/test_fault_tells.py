@@ -129,6 +129,7 @@ COUNTERS: dict[str, Callable[[], Rig]] = {
     "stuck": lambda: struck("frozen for=1"),
     "slow_queries": lambda: struck("slow factor=20 for=0.3"),
     "rate_out_of_bounds": oscillator_out_of_bounds,
+    "data_ready_missed": lambda: struck("int-lost for=0.5", wired=True),
 }
 ELSEWHERE = {"records_damaged": "tests/recording/test_recording_damage.py"}
 
@@ -147,8 +148,9 @@ def test_counter_never_counts(counter):
     assert getattr(COUNTERS[counter]().health, counter) > 0
 
 
-def test_well_chip_raises_a_flag_or_a_counter():
-    rig = struck(warm_s=5.0)
+@pytest.mark.parametrize("wired", [False, True])
+def test_well_chip_raises_a_flag_or_a_counter(wired):
+    rig = struck(warm_s=5.0, wired=wired)
     well = {"samples", "drains"}
     assert {name: n for name, n in rig.health.as_dict().items() if n and name not in well} == {}
     assert pipelined(rig) == Flag.CLOCK_UNSURE | Flag.BIAS_UNKNOWN | Flag.SETTLING

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hw_fakes import FakeBus, FakeMpu6050
+from hw_fakes import FakeBus, FakeDataReady, FakeMpu6050
 from hw_fakes.chip.samples import Run
 from hw_fakes.chip.setup import Setup
 from quavelet.bus.faults import bus_error
@@ -146,7 +146,7 @@ class WatchedBus:
 
 
 class Rig:
-    """A chip, the bus to it, and a source that drains it."""
+    """A chip, the bus to it, and a source that drains it; `wired` with its INT pin at a line."""
 
     def __init__(
         self,
@@ -154,6 +154,7 @@ class Rig:
         *,
         chip_type: type[FakeMpu6050] = FakeMpu6050,
         speed_hz: int = 400_000,
+        wired: bool = False,
         **chip_arguments: Any,
     ) -> None:
         self.clock = VirtualClock(5 * NS_PER_S)
@@ -163,13 +164,16 @@ class Rig:
         self.chip = chip_type(self.clock, **chip_arguments)
         self.fake_bus = FakeBus({ADDRESS: self.chip}, clock=self.clock, name="fake:rig", speed_hz=speed_hz)
         self.bus = WatchedBus(self.fake_bus)
+        self.line = FakeDataReady(self.chip, clock=self.clock) if wired else None
         self.health = Health()
         self.config = chip_config or config()
         self.source = self.new_source()
         self.blocks: list[RawBlock] = []
 
     def new_source(self) -> ChipSource:
-        return ChipSource(self.bus, address=ADDRESS, config=self.config, clock=self.clock, health=self.health)
+        return ChipSource(
+            self.bus, address=ADDRESS, config=self.config, clock=self.clock, health=self.health, line=self.line
+        )
 
     def start(self) -> Rig:
         self.source.wait_until_streaming()

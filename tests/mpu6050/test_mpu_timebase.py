@@ -115,6 +115,53 @@ def test_period_follows_an_oscillator_that_warms_up():
     assert base.period_s == pytest.approx(5e-3 * (1 - 1e-3), rel=2.5e-4)
 
 
+def test_times_by_pulses_lag_behind_an_oscillator_that_warms_up():
+    """By 80 ppm/K and a kelvin in half a minute; fading in a minute, as counts do, they would be 9 ms late."""
+    base = TimeBase(nominal_period_s=1 / 200)
+    t_ns, late_us = 0.0, []
+    for n in range(1, 200 * 120):
+        t_ns += 5e6 * (1 - 2.7e-6 * t_ns / NS_PER_S)
+        if n % 2 == 0:
+            base.observe_edge(n, round(t_ns))
+            late_us.append((base.time_ns(n) - t_ns) / 1e3)
+    assert np.abs(late_us).max() < 15
+
+
+@given(chip=CHIPS, every=st.integers(1, 30), seed=st.integers(0, 1000))
+@settings(max_examples=30, deadline=None)
+def test_pulses_that_come_late_by_microseconds_time_samples_worse_than_that(chip, every, seed):
+    base, rng = chip.base(), np.random.default_rng(seed)
+    for n in range(1, int(10 * chip.nominal_hz), every):
+        base.observe_edge(n, round(chip.true_ns(n) + rng.uniform(0, 20_000)))
+    assert base.sure
+    assert abs(base.time_ns(n) - chip.true_ns(n) - 10_000) < 20_000
+    assert base.period_s * NS_PER_S == pytest.approx(chip.period_ns, rel=1e-5)
+
+
+def test_first_pulse_drops_the_counts_and_keeps_the_period():
+    chip = Chip(nominal_hz=200, error=0.02, first_ns=0)
+    base = chip.base()
+    observe(chip, base, seconds=5, every_ms=7.1, seed=1, jitter_ms=1)
+    period_s = base.period_s
+    base.observe_edge(1200, round(chip.true_ns(1200)))
+    assert base.sure and base.period_s == period_s
+    assert base.time_ns(1200) == round(chip.true_ns(1200))
+    assert base.fits(1210, round(chip.true_ns(1210)))
+    assert not base.fits(1211, round(chip.true_ns(1210)))
+    assert base.is_slow(0, 5 * BUS_NS) and not base.is_slow(0, BUS_NS)
+
+
+def test_count_after_pulses_moves_their_line_by_a_count_s_doubt():
+    chip = Chip(nominal_hz=200, error=0.02, first_ns=0)
+    base = chip.base()
+    observe(chip, base, seconds=1, every_ms=7.1, seed=1, jitter_ms=1)
+    for n in range(300, 1500, 2):
+        base.observe_edge(n, round(chip.true_ns(n)))
+    at_ns = round(chip.true_ns(1600) + 0.9 * chip.period_ns)
+    base.observe(1600, at_ns - BUS_NS // 2, at_ns + BUS_NS // 2)
+    assert abs(base.time_ns(1601) - chip.true_ns(1601)) < 2_000
+
+
 def test_count_that_took_long_to_read_is_slow_and_others_are_not():
     base = TimeBase(nominal_period_s=1 / 200)
     assert not base.is_slow(0, 10 * NS_PER_MS)  # the first has nothing to be compared with

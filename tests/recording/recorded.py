@@ -7,7 +7,10 @@ from pathlib import Path
 import numpy as np
 from hypothesis import strategies as st
 
-from quavelet.bus.open import open_bus
+from hw_fakes import FakeBus
+from hw_fakes.faults.plan import parse
+from quavelet.bus.open import open_bus, open_line
+from quavelet.bus.protocol import Edge
 from quavelet.core.blocks import Block, RawBlock, array_fields
 from quavelet.core.clock import VirtualClock
 from quavelet.core.health import Health
@@ -24,6 +27,7 @@ SETTINGS = Settings()
 PERIOD_NS = 10 * NS_PER_MS
 
 TIMES_NS = st.integers(-(2**63), 2**63 - 1)
+EDGES = st.lists(st.builds(Edge, t_ns=TIMES_NS, seq=st.integers(0, 2**64 - 1)), max_size=30).map(tuple)
 ANY_DRAIN = st.builds(
     Drain,
     seq=st.integers(0, 2**64 - 1),
@@ -33,6 +37,7 @@ ANY_DRAIN = st.builds(
     fifo_count=st.integers(0, 65535),
     data=st.binary(max_size=1024),
     loss=st.sampled_from(Loss),
+    edges=st.just(()) | EDGES,
 )
 STREAM_INFO = st.builds(
     StreamInfo,
@@ -86,9 +91,12 @@ class Live:
     items: list[StreamInfo | Drain]
 
 
-def record_fake(path: Path, *, n: int, stall_at: int | None = None, stall_ns: int = 0) -> Live:
-    """`n` drains of the fake turntable at 200 Hz, 10 ms apart but for one stall before drain `stall_at`."""
-    settings = parse_settings({"bus": {"name": "fake:turntable"}}, where="test")
+def record_fake(
+    path: Path, *, n: int, stall_at: int | None = None, stall_ns: int = 0, int_line: str = "", fault: str = ""
+) -> Live:
+    """`n` drains of the fake turntable at 200 Hz, 10 ms apart but for one stall before drain `stall_at`; `fault` is of
+    `hw_fakes.faults.plan`."""
+    settings = parse_settings({"bus": {"name": "fake:turntable", "int_line": int_line}}, where="test")
     clock, health, items = VirtualClock(), Health(), list[StreamInfo | Drain]()
     blocks = []
     with open_bus(settings.bus.name, clock=clock) as bus, RecordingWriter(path, settings=settings, clock=clock) as file:
@@ -97,8 +105,19 @@ def record_fake(path: Path, *, n: int, stall_at: int | None = None, stall_ns: in
             items.append(item)
             file.write(item)
 
+        if fault:
+            assert isinstance(bus, FakeBus)
+            bus.adapter.faults.add(parse(fault))
+        line = open_line(int_line, bus=bus, address=0x68)
         source = ChipSource(
-            bus, address=0x68, config=settings.chip, clock=clock, health=health, on_stream=keep, on_drain=keep
+            bus,
+            address=0x68,
+            config=settings.chip,
+            clock=clock,
+            health=health,
+            line=line,
+            on_stream=keep,
+            on_drain=keep,
         )
         source.wait_until_streaming()
         for i in range(n):

@@ -27,10 +27,18 @@ def replayed(path: Path) -> tuple[ReplaySource, Health, list[RawBlock]]:
     return source, health, blocks
 
 
-@pytest.fixture(params=["steady", "stalled for 2 s"])
+@pytest.fixture(params=["steady", "stalled for 2 s", "steady, with a line", "stalled for 2 s, with a line"])
 def live(request: pytest.FixtureRequest, tmp_path: Path) -> Live:
-    stalled = request.param != "steady"
-    live = record_fake(tmp_path / "a.qrec", n=600, stall_at=300 if stalled else None, stall_ns=2 * NS_PER_S)
+    stalled, wired = request.param.startswith("stalled"), request.param.endswith("line")
+    live = record_fake(
+        tmp_path / "a.qrec",
+        n=600,
+        stall_at=300 if stalled else None,
+        stall_ns=2 * NS_PER_S,
+        int_line="fake:int" if wired else "",
+        fault="int-lost at=2 for=1" if wired else "",
+    )
+    assert live.health.data_ready_missed == wired
     assert (live.health.fifo_overflows > 0) == stalled
     assert any((block.flags & Flag.OVERFLOW).any() for block in live.blocks) == stalled
     return live

@@ -1,6 +1,8 @@
 """What goes into a recording comes out of it, to the byte."""
 
+import struct
 import tracemalloc
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -9,11 +11,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from recorded import ANY_DRAIN, INFO, SETTINGS, STREAM_INFO, drains, record
 
+from quavelet.bus.protocol import Edge
 from quavelet.core.clock import VirtualClock
 from quavelet.core.errors import SettingsError
 from quavelet.core.health import Health
 from quavelet.mpu6050.drain import Drain
 from quavelet.mpu6050.stream import StreamInfo
+from quavelet.recording.format import MAGIC, Kind, checksum, pack_header, pack_record
 from quavelet.recording.reader import RecordingReader
 from quavelet.recording.replay import ReplaySource
 from quavelet.recording.writer import RecordingWriter
@@ -97,6 +101,32 @@ def test_a_long_recording_is_read_in_bounded_memory(tmp_path: Path) -> None:
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert peak < 500_000
+
+
+def test_a_pulse_costs_16_bytes_and_a_drain_without_one_none(tmp_path: Path) -> None:
+    plain = drains(100, frames=10)
+    pulsed = [replace(d, edges=tuple(Edge(t_ns=d.before_ns + k, seq=k) for k in range(10))) for d in plain]
+    sizes = [record(tmp_path / "a.qrec", [INFO, *written]).stat().st_size for written in (plain, pulsed)]
+    assert (sizes[1] - sizes[0]) / 100 == 2 + 10 * 16
+
+
+def test_a_recording_of_before_there_were_lines_reads_as_it_was_written(tmp_path: Path) -> None:
+    """A DRAIN record by hand, and a header that does not say whether a line was there."""
+    path = record(tmp_path / "a.qrec", [INFO])
+    old = path.read_bytes().replace(b',"data_ready":false', b"")
+    length = len(pack_header(RecordingReader(path).header)) - len(b',"data_ready":false')
+    payload = old[len(MAGIC) + 13 : len(MAGIC) + 13 + length]
+    crc = checksum(Kind.HEADER, payload, stream_crc=0)
+    drain = struct.pack("<QqqBHB", 0, 10, 20, 1, 14, 0) + bytes(range(14))
+    path.write_bytes(
+        MAGIC
+        + 2 * pack_record(Kind.HEADER, payload, crc=crc)
+        + pack_record(Kind.DRAIN, drain, crc=checksum(Kind.DRAIN, drain, stream_crc=crc))
+        + pack_record(Kind.END, b"", crc=checksum(Kind.END, b"", stream_crc=crc))
+    )
+    reader = RecordingReader(path)
+    assert list(reader) == [INFO, Drain(0, 10, 20, 1, 14, bytes(range(14)))]
+    assert not reader.damage.found
 
 
 def test_a_sample_at_1_khz_costs_18_bytes(tmp_path: Path) -> None:

@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import nullcontext
 
 import numpy as np
 
-from quavelet.bench import fifo, wires
+from quavelet.bench import fifo, int_line, wires
 from quavelet.bench.finding import Finding
 from quavelet.bench.host import Host
 from quavelet.bench.reach import Reach
 from quavelet.bench.sensors import ALIVE, STILL, sensors
-from quavelet.bus.open import BusOpener, open_bus
-from quavelet.bus.protocol import I2CBus
+from quavelet.bus.open import BusOpener, open_bus, open_line
+from quavelet.bus.protocol import DataReady, Edge, I2CBus
 from quavelet.calibration.calibrate import Calibrate
 from quavelet.calibration.model import UNCALIBRATED
 from quavelet.core.blocks import RawBlock, concat
 from quavelet.core.clock import Clock
-from quavelet.core.errors import BusError, ChipUnstable, DeviceLost, ImuError, WrongChip
+from quavelet.core.errors import BusError, ChipUnstable, DeviceLost, ImuError, SettingsError, WrongChip
 from quavelet.core.health import Health
 from quavelet.core.units import NS_PER_S
 from quavelet.mpu6050 import registers as r
@@ -93,7 +94,7 @@ class CheckUp:
         try:
             yield wires.speed(bus, settings=self._settings, clock=self._clock, set_hz=self._reach.set_hz)
             yield wires.registers_hold(bus, address=self._address, clock=self._clock)
-            yield from self._running(bus)
+            yield from self._with_line(bus)
         except ImuError as error:
             # It answered a moment ago: to the person before it, it is lost.
             self.error = DeviceLost(str(error)) if isinstance(error, BusError) else error
@@ -103,8 +104,18 @@ class CheckUp:
         who_am_i = bus.write_read(self._address, bytes([r.WHO_AM_I.address]), 1)[0]
         return identify(who_am_i, bus=bus.name, address=self._address, accept_id=self._settings.bus.accept_id)
 
-    def _running(self, bus: I2CBus) -> Iterator[Finding]:
+    def _with_line(self, bus: I2CBus) -> Iterator[Finding]:
+        name, line = self._settings.bus.int_line, None
+        try:
+            line = open_line(name, bus=bus, address=self._address)
+        except (BusError, SettingsError) as error:
+            yield int_line.not_opened(name, error)
+        with line or nullcontext():
+            yield from self._running(bus, line)
+
+    def _running(self, bus: I2CBus, line: DataReady | None) -> Iterator[Finding]:
         config = self._settings.chip
+        edges: list[Edge] = []
         source = ChipSource(
             bus,
             address=self._address,
@@ -113,6 +124,8 @@ class CheckUp:
             clock=self._clock,
             health=self._health,
             lost_s=LOST_S,
+            line=line,
+            on_drain=lambda drain: edges.extend(drain.edges),
         )
         info = source.wait_until_streaming()
         yield self._started(info)
@@ -129,6 +142,9 @@ class CheckUp:
         measured_hz = source.decoder.measured_rate_hz if source.decoder else None
         yield _rate(measured_hz, 1.0 / info.nominal_period_s)
         yield _losses(self._health)
+        if line is not None:
+            rate_hz = measured_hz or 1.0 / info.nominal_period_s
+            yield int_line.pulses(line.name, edges, rate_hz=rate_hz, listened_s=LISTEN_S)
         settled = block[int(np.searchsorted(block.t_ns, block.t_ns[0] + SETTLED_S * NS_PER_S)) :]
         well = True
         for finding in sensors(Calibrate(UNCALIBRATED).process(settled), config) if len(settled) else ():

@@ -71,7 +71,8 @@ class GpiodDataReady(Closing):
             raise BusError(f"the line {self._name} is closed: open it again", errno=errno.EBADF)
         edges: list[Edge] = []
         try:
-            while self._request.wait_edge_events(0 if edges else timeout_s):
+            # No more than its queue: on a wire that picks up noise there would be no end.
+            while len(edges) < QUEUE and self._request.wait_edge_events(0 if edges else timeout_s):
                 edges += [Edge(event.timestamp_ns, event.line_seqno) for event in self._request.read_edge_events()]
         except OSError as error:
             raise _refused(error, self._name) from error

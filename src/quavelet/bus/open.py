@@ -5,7 +5,8 @@ from __future__ import annotations
 from importlib.metadata import EntryPoint, entry_points
 from typing import Protocol, cast
 
-from quavelet.bus.protocol import I2CBus
+from quavelet.bus.data_ready import open_data_ready
+from quavelet.bus.protocol import DataReady, HasDataReady, I2CBus
 from quavelet.core.clock import Clock
 from quavelet.core.errors import SettingsError
 
@@ -30,3 +31,11 @@ def open_bus(name: str, *, clock: Clock) -> I2CBus:
         raise SettingsError(f"'{name}' is not a bus: write one of {', '.join(f'{k}:...' for k in sorted(kinds))}")
     opener = cast(BusOpener, kinds[kind].load())
     return opener(which, clock=clock)
+
+
+def open_line(name: str, *, bus: I2CBus, address: int) -> DataReady | None:
+    """The data-ready line called `name` from the chip at `address`, "LABEL:LINE" of a GPIO or what `bus` itself calls
+    one of its own; None for "". Raises as `open_data_ready`."""
+    if not name:
+        return None
+    return bus.data_ready(name, address=address) if isinstance(bus, HasDataReady) else open_data_ready(name)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from types import TracebackType
-from typing import Protocol, Self
+from typing import Protocol, Self, runtime_checkable
 
 
 class I2CBus(Protocol):
@@ -69,3 +69,12 @@ class DataReady(Protocol):
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None, /
     ) -> None: ...
+
+
+@runtime_checkable
+class HasDataReady(Protocol):
+    """A bus that has pins of its own, to which the INT pins of its chips go: no other line belongs to them."""
+
+    def data_ready(self, name: str, /, *, address: int) -> DataReady:
+        """The line called `name` from the chip at `address`. Raises SettingsError where there is none."""
+        ...

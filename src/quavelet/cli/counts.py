@@ -27,6 +27,7 @@ WORDS: dict[str, str] = {
     "stuck": "no axis changed for so long that the chip was taken to be stuck",
     "slow_queries": "the FIFO was asked too slowly to time samples by, the host was busy",
     "rate_out_of_bounds": "a measured sample rate was outside what the chip can do, and not used",
+    "data_ready_missed": "the data-ready line gave no pulses, and samples were timed by counts meanwhile",
     "records_damaged": "a part of the recording could not be read",
 }
 

@@ -13,7 +13,7 @@ from types import FrameType
 import typer
 from rich.console import Console
 
-from quavelet.bus.open import open_bus
+from quavelet.bus.open import open_bus, open_line
 from quavelet.cli import exits, options
 from quavelet.cli.counts import in_words
 from quavelet.cli.panel import LivePanel, Status
@@ -64,11 +64,14 @@ def run_live(
     failure: ImuError | None = None
     with ExitStack() as stack:
         i2c = stack.enter_context(open_bus(settings.bus.name, clock=clock))
+        line = open_line(settings.bus.int_line, bus=i2c, address=settings.bus.address)
+        if line is not None:
+            stack.enter_context(line)
         if record is not None:
             writer = RecordingWriter(record, settings=settings, clock=clock)
             records.subscribe("recording", writer, depth=QUEUE_DEPTH, policy=policy)
         stack.callback(records.close)
-        imu = Imu(i2c, settings=settings, clock=clock, on_stream=records.publish, on_drain=records.publish)
+        imu = Imu(i2c, settings=settings, clock=clock, line=line, on_stream=records.publish, on_drain=records.publish)
         try:
             # Asks who is there, before anything else is set or said.
             imu.read()

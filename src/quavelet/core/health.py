@@ -56,6 +56,8 @@ class Health:
     """Count readings too slow to time the samples by."""
     rate_out_of_bounds: int = 0
     """Fits of the sample rate outside what the chip's oscillator can do, not used."""
+    data_ready_missed: int = 0
+    """Times no pulse came from the data-ready line though samples did, and they were timed by counts."""
     records_damaged: int = 0
     """Records of a recording that could not be read."""
 

@@ -78,10 +78,11 @@ class ChipConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
 
 
 def configuration_table(
-    config: ChipConfig, *, variant: Variant, offsets: OffsetPlan | None = None
+    config: ChipConfig, *, variant: Variant, offsets: OffsetPlan | None = None, data_ready: bool = False
 ) -> tuple[RegisterBits, ...]:
     """The rows to write to this kind of chip, in order, then to read back; the FIFO is off until it is started.
 
+    data_ready   the INT pin gives a pulse with each sample
     Raises SettingsError where this kind of chip cannot be had as asked.
     """
     if variant.class_6500 and config.dlpf == 0:
@@ -95,6 +96,12 @@ def configuration_table(
     filters = r.EXT_SYNC_SET.mask | r.DLPF_CFG.mask
     gyro_bits = r.GYRO_SELF_TEST.mask | r.GYRO_FS_SEL.mask
     user = r.USER_DMP_EN.mask | r.USER_FIFO_EN.mask | r.USER_I2C_MST_EN.mask
+    # Of the interrupts only the overflow is used without a line; with others on, nothing would listen.
+    pin, interrupts = r.INT_RD_CLEAR.mask, r.FIFO_OFLOW_EN.mask
+    if data_ready:
+        # Active high, push-pull, a pulse of 50 us (RM register 55): of a latched level only the first edge would come.
+        pin |= r.INT_LEVEL.mask | r.INT_OPEN.mask | r.LATCH_INT_EN.mask
+        interrupts |= r.DATA_RDY_EN.mask
     own: tuple[RegisterBits, ...] = ()
     if variant.class_6500:
         power |= r.GYRO_STANDBY.mask
@@ -112,9 +119,8 @@ def configuration_table(
         _row(r.SMPLRT_DIV, config.divider, 0xFF),
         _row(r.USER_CTRL, 0, user),
         _row(r.FIFO_EN, 0, r.FIFO_SENSORS.mask | r.FIFO_SLAVES.mask),
-        _row(r.INT_PIN_CFG, 0, r.INT_RD_CLEAR.mask),
-        # Of the interrupts only the overflow is used; with others on, nothing would listen.
-        _row(r.INT_ENABLE, r.FIFO_OFLOW_EN.mask, 0xFF),
+        _row(r.INT_PIN_CFG, 0, pin),
+        _row(r.INT_ENABLE, interrupts, 0xFF),
         *(offsets.rows(variant) if offsets else ()),
     )
 

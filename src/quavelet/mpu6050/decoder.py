@@ -11,6 +11,7 @@ from quavelet.core.health import Health
 from quavelet.core.units import NS_PER_S
 from quavelet.mpu6050.drain import Drain, Loss, Verdict, judge
 from quavelet.mpu6050.plausible import SAME_FRAMES, SAME_NS, first_implausible, same_as_before
+from quavelet.mpu6050.pulses import Pulses, PulseState
 from quavelet.mpu6050.registers import FRAME_BYTES
 from quavelet.mpu6050.spikes import SpikeRule, SpikeState, spike_bounds
 from quavelet.mpu6050.stream import StreamInfo
@@ -43,6 +44,7 @@ class DecoderState:
     last_frame   the words of the last frame that was timed, empty before the first
     alike        how many frames before it, one after the other, stood as it does on all six axes
     spikes       what the rule on samples that stand alone remembers
+    pulses       which sample a pulse of the data-ready line belongs to
     """
 
     timebase: TimeBaseState
@@ -54,6 +56,7 @@ class DecoderState:
     last_frame: tuple[int, ...] = ()
     alike: int = 0
     spikes: SpikeState = SpikeState()
+    pulses: PulseState = PulseState()
 
 
 class Decoder:
@@ -69,17 +72,21 @@ class Decoder:
         self._fifo_bytes = info.variant.fifo_bytes
         self._health = health
         self._timebase = TimeBase(nominal_period_s=info.nominal_period_s)
+        self._pulses = Pulses(self._timebase, health=health)
         self._stuck_after = max(SAME_FRAMES, round(SAME_NS / self._timebase.nominal_ns))
         self._spikes = SpikeRule(spike_bounds(info), health=health)
         self._s = DecoderState(timebase=self._timebase.state())
 
     def state(self) -> DecoderState:
-        return replace(self._s, timebase=self._timebase.state(), spikes=self._spikes.state())
+        return replace(
+            self._s, timebase=self._timebase.state(), spikes=self._spikes.state(), pulses=self._pulses.state()
+        )
 
     def restore(self, state: DecoderState) -> None:
         self._s = state
         self._spikes.restore(state.spikes)
         self._timebase.restore(state.timebase)
+        self._pulses.restore(state.pulses)
 
     @property
     def measured_rate_hz(self) -> float | None:
@@ -109,10 +116,14 @@ class Decoder:
         self.must_restart = verdict.must_reset
         if verdict.must_reset:
             self._s = replace(self._s, pending=self._s.pending | (_LOSS.get(drain.loss) or _REASON[verdict]))
+        self._pulses.hear(drain.edges, gap=bool(self._s.pending))
         if verdict is Verdict.EMPTY and self._timebase.started and not (self._s.pending or self._s.doubtful):
-            self._observe(self._s.taken, drain)
+            vanished = self._observe(self._s.taken, drain)
+            self._s = replace(self._s, pending=int(Flag.GAP) if vanished else 0)
         if verdict is not Verdict.FRAMES:
             return empty_raw_block(self._scale)
+        if self.info.data_ready:
+            self._pulses.expect(drain.after_ns)
         if self._surprising(drain):
             self._health.counts_surprising += 1
             self._throw_away(Flag.CHIP_UPSET)
@@ -168,8 +179,9 @@ class Decoder:
         first = taken + 1
         taken += n
         # Of a drain believed in part the count holds samples that are not in `taken` yet.
-        if whole and (slow or not doubtful):
-            self._observe(taken, drain)
+        vanished = whole and (slow or not doubtful) and self._observe(taken, drain)
+        if whole and not slow and doubtful and self._pulses.match(taken, drain):
+            doubtful = False
         if not base.sure:
             flags |= np.uint32(Flag.CLOCK_UNSURE)
         alike = self._flag_stuck(counts, flags)
@@ -181,7 +193,7 @@ class Decoder:
             s,
             taken=taken,
             last_ns=int(t_ns[-1]),
-            pending=0,
+            pending=int(Flag.GAP) if vanished else 0,
             doubtful=doubtful,
             last_frame=tuple(counts[-1].tolist()),
             alike=alike,
@@ -205,12 +217,18 @@ class Decoder:
                 self._health.stuck += alike == self._stuck_after
         return alike
 
-    def _observe(self, taken: int, drain: Drain) -> None:
-        """Tell the time base what was counted, unless nobody knows when."""
+    def _observe(self, taken: int, drain: Drain) -> bool:
+        """Tell the time base what was counted, unless nobody knows when. Whether frames have vanished from the FIFO."""
         if self._timebase.is_slow(drain.before_ns, drain.after_ns):
             self._health.slow_queries += 1
-        elif not self._timebase.observe(taken, drain.before_ns, drain.after_ns):
-            self._health.rate_out_of_bounds += 1
+        elif self._pulses.in_use:
+            self._timebase.note_query(drain.before_ns, drain.after_ns)
+            return self._pulses.vanished(taken, drain)
+        else:
+            if not self._timebase.observe(taken, drain.before_ns, drain.after_ns):
+                self._health.rate_out_of_bounds += 1
+            self._pulses.match(taken, drain)
+        return False
 
     def _count(self, verdict: Verdict) -> None:
         health = self._health

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum, IntEnum
 
+from quavelet.bus.protocol import Edge
 from quavelet.mpu6050.registers import FIFO_OFLOW_INT, FRAME_BYTES
 
 GUARD_FRAMES = 3
@@ -36,6 +37,7 @@ class Drain:
     fifo_count     FIFO_COUNT
     data           the bytes taken from FIFO_R_W; whole frames, none where the verdict was to reset
     loss           other than NONE: nothing in this drain is to be believed, and the FIFO was emptied
+    edges          pulses of the data-ready line since the drain before, oldest first; none where there is no line
     """
 
     seq: int
@@ -45,6 +47,7 @@ class Drain:
     fifo_count: int
     data: bytes
     loss: Loss = Loss.NONE
+    edges: tuple[Edge, ...] = ()
 
 
 class Verdict(Enum):

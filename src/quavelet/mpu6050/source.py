@@ -6,7 +6,7 @@ import logging
 from collections.abc import Callable
 from dataclasses import replace
 
-from quavelet.bus.protocol import I2CBus
+from quavelet.bus.protocol import DataReady, Edge, I2CBus
 from quavelet.core.blocks import RawBlock
 from quavelet.core.clock import Clock
 from quavelet.core.errors import BusError, DeviceLost
@@ -33,6 +33,8 @@ STARVED_NS = 100 * NS_PER_MS
 registers are looked at; for twice as long, and the chip is reset."""
 STUCK_S = 1.0
 """A chip whose axes do not change for so long is reset, once."""
+MOST_EDGES = 1024
+"""Of one drain; a wire that picks up noise can give any number."""
 LOST_S = 10.0
 """Without a good drain for this long the device is lost: plugs are put back in less."""
 
@@ -42,6 +44,8 @@ log = logging.getLogger(__name__)
 class ChipSource:
     """A `BlockSource` on a live chip.
 
+    line is the wire from the chip's INT pin: with it the times of samples are those of its pulses, and without them,
+    should it fail, those that follow from counts.
     on_stream is called with the `StreamInfo` before the first drain, on_drain with every drain: what a
     recording needs. Errors: BusError while the chip is not yet known, WrongChip, ChipUnstable where it does not
     start, DeviceLost when it streamed and then gave nothing of use for `lost_s`, or was exchanged for another.
@@ -58,6 +62,7 @@ class ChipSource:
         lost_s: float = LOST_S,
         accept_id: int = 0,
         offsets: OffsetPlan | None = None,
+        line: DataReady | None = None,
         on_stream: Callable[[StreamInfo], None] | None = None,
         on_drain: Callable[[Drain], None] | None = None,
     ) -> None:
@@ -67,7 +72,17 @@ class ChipSource:
         self._lost_ns = round(lost_s * NS_PER_S)
         self._on_stream = on_stream
         self._on_drain = on_drain
-        self._start_up = StartUp(self._chip, config, clock=clock, health=health, accept_id=accept_id, offsets=offsets)
+        self._line = line
+        self._line_failed = False
+        self._start_up = StartUp(
+            self._chip,
+            config,
+            clock=clock,
+            health=health,
+            accept_id=accept_id,
+            offsets=offsets,
+            data_ready=line is not None,
+        )
         self._watch: RegisterWatch | None = None
         self.decoder: Decoder | None = None
         self._seq = 0
@@ -227,6 +242,8 @@ class ChipSource:
     def _taken_in(self, drain: Drain) -> RawBlock:
         assert self.decoder is not None, "made by _begin_stream"
         self._seq += 1
+        if self._line is not None:
+            drain = replace(drain, edges=self._edges(self._line))
         if self._on_drain:
             self._on_drain(drain)
         block = self.decoder.decode(drain)
@@ -235,6 +252,18 @@ class ChipSource:
         elif self._start_up.streaming:
             self._restart(drain)
         return block
+
+    def _edges(self, line: DataReady) -> tuple[Edge, ...]:
+        """The pulses since the last look. A line that fails must not stop the stream, which goes on without."""
+        try:
+            edges = line.wait(0.0)
+        except BusError as error:
+            if not self._line_failed:
+                log.warning("%s; until then samples are timed by counts", error)
+            self._line_failed = True
+            return ()
+        self._line_failed = False
+        return tuple(edges[-MOST_EDGES:])
 
     def _restart(self, drain: Drain) -> None:
         """The FIFO holds nothing of use: empty it, now or, where that fails, at the next drain."""

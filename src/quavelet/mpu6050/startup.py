@@ -78,8 +78,9 @@ class StartUp:
         health: Health,
         accept_id: int = 0,
         offsets: OffsetPlan | None = None,
+        data_ready: bool = False,
     ) -> None:
-        """accept_id is that of `identify`; offsets are written after every reset."""
+        """accept_id is that of `identify`; offsets are written after every reset; data_ready: the INT pin is used."""
         self.step = Step.PROBE
         self.due_ns = clock.now_ns()
         self.variant: Variant = MPU6050
@@ -90,6 +91,7 @@ class StartUp:
         self._config = config
         self._accept_id = accept_id
         self._offsets = offsets
+        self._data_ready = data_ready
         self._clock = clock
         self._health = health
         self._steps: dict[Step, Callable[[], None]] = {
@@ -166,7 +168,9 @@ class StartUp:
             self.variant = identify(
                 who_am_i, bus=self._chip.bus.name, address=self._chip.address, accept_id=self._accept_id
             )
-            self.table = configuration_table(self._config, variant=self.variant, offsets=self._offsets)
+            self.table = configuration_table(
+                self._config, variant=self.variant, offsets=self._offsets, data_ready=self._data_ready
+            )
             if self.variant.remark:
                 log.warning("%s", self.variant.remark)
         elif who_am_i in LINE_STUCK:
@@ -250,7 +254,12 @@ class StartUp:
             return
         # What is seldom so is looked at twice: one bit that flips on its way would halve the scale.
         half_scale = all(is_half_scale(self._chip, variant=self.variant) for _ in range(2))
-        info = replace(read, accepted=self.variant.who_am_i not in VARIANTS, accel_half_scale=half_scale)
+        info = replace(
+            read,
+            accepted=self.variant.who_am_i not in VARIANTS,
+            accel_half_scale=half_scale,
+            data_ready=self._data_ready,
+        )
         self._chip.restart_fifo()
         self.info = info
         self._tries = 0

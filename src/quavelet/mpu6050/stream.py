@@ -20,6 +20,7 @@ class StreamInfo:
     who_am_i, config, gyro_config, accel_config, smplrt_div   register bytes
     accepted           who_am_i is unknown, and is driven all the same because its owner asked for it
     accel_half_scale   early silicon, which gives half the counts per g
+    data_ready         its INT pin gives a pulse with each sample, and a line at it is listened to
     """
 
     src: str
@@ -31,6 +32,7 @@ class StreamInfo:
     smplrt_div: int
     accepted: bool = False
     accel_half_scale: bool = False
+    data_ready: bool = False
 
     @property
     def variant(self) -> Variant:

@@ -9,6 +9,8 @@
     DRAIN   2     seq u64, before_ns i64, after_ns i64, int_status u8, fifo_count u16, loss u8, then `Drain.data`;
                   the number of a `Loss`, an unknown one is TRANSFER
     END     3     no payload: the recording was closed as it should be
+    EDGES   4     a DRAIN with pulses of the data-ready line: as it, and before the data the number of pulses u16 and
+                  for each seq u64, t_ns i64
     others        are skipped by a reader
 
 The CRC is over kind, length and payload. A HEADER's begins at 0, that of any other record goes on from the
@@ -28,6 +30,7 @@ from zlib import crc32
 
 import msgspec
 
+from quavelet.bus.protocol import Edge
 from quavelet.mpu6050.drain import Drain, Loss
 from quavelet.mpu6050.stream import StreamInfo
 
@@ -42,6 +45,8 @@ MAX_PAYLOAD_BYTES = 1 << 17
 _FRAME = struct.Struct("<4sBII")
 _CHECKED = struct.Struct("<BI")
 _DRAIN = struct.Struct("<QqqBHB")
+_EDGES = struct.Struct("<H")
+_EDGE = struct.Struct("<Qq")
 FRAME_OVERHEAD_BYTES = _FRAME.size
 
 
@@ -51,6 +56,10 @@ class Kind(IntEnum):
     HEADER = 1
     DRAIN = 2
     END = 3
+    EDGES = 4
+
+
+_SHORTEST = {int(Kind.DRAIN): _DRAIN.size, int(Kind.EDGES): _DRAIN.size + _EDGES.size}
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +92,8 @@ class Frame:
 def frame_at(buffer: bytes, position: int) -> Frame | None:
     """The frame at `position`, None where no record can begin; `FRAME_OVERHEAD_BYTES` must be there."""
     marker, kind, length, crc = _FRAME.unpack_from(buffer, position)
-    if marker != MARKER or length > MAX_PAYLOAD_BYTES or (kind == Kind.DRAIN and length < _DRAIN.size):
+    shortest = _SHORTEST.get(kind, 0)
+    if marker != MARKER or not shortest <= length <= MAX_PAYLOAD_BYTES:
         return None
     return Frame(kind, length, crc)
 
@@ -99,17 +109,25 @@ def pack_record(kind: Kind, payload: bytes, *, crc: int) -> bytes:
     return _FRAME.pack(MARKER, kind, len(payload), crc) + payload
 
 
-def pack_drain(drain: Drain) -> bytes:
-    """A DRAIN's payload."""
+def pack_drain(drain: Drain) -> tuple[Kind, bytes]:
+    """The kind and the payload of a drain's record: DRAIN, or EDGES where it has any."""
     head = _DRAIN.pack(drain.seq, drain.before_ns, drain.after_ns, drain.int_status, drain.fifo_count, drain.loss)
-    return head + drain.data
+    if not drain.edges:
+        return Kind.DRAIN, head + drain.data
+    edges = b"".join(_EDGE.pack(edge.seq, edge.t_ns) for edge in drain.edges)
+    return Kind.EDGES, head + _EDGES.pack(len(drain.edges)) + edges + drain.data
 
 
-def unpack_drain(payload: bytes) -> Drain:
-    """The drain of a DRAIN's payload."""
+def unpack_drain(kind: int, payload: bytes) -> Drain:
+    """The drain of a DRAIN's or EDGES' payload. Raises struct.error where that is no such."""
     seq, before_ns, after_ns, int_status, fifo_count, code = _DRAIN.unpack_from(payload)
     loss = Loss(code) if code in Loss.__members__.values() else Loss.TRANSFER
-    return Drain(seq, before_ns, after_ns, int_status, fifo_count, payload[_DRAIN.size :], loss)
+    begin, edges = _DRAIN.size, tuple[Edge, ...]()
+    if kind == Kind.EDGES:
+        end = begin + _EDGES.size + _EDGES.unpack_from(payload, begin)[0] * _EDGE.size
+        pairs = _EDGE.iter_unpack(payload[begin + _EDGES.size : end])
+        begin, edges = end, tuple(Edge(t_ns, number) for number, t_ns in pairs)
+    return Drain(seq, before_ns, after_ns, int_status, fifo_count, payload[begin:], loss, edges)
 
 
 def pack_header(header: Header) -> bytes:

@@ -67,8 +67,8 @@ class RecordingReader:
             scanner = Scanner(file)
             for record in scanner:
                 item: StreamInfo | Drain | None = None
-                if record.kind == Kind.DRAIN:
-                    item = unpack_drain(record.payload)
+                if record.kind in (Kind.DRAIN, Kind.EDGES):
+                    item = unpack_drain(record.kind, record.payload)
                     if record.after_damage:
                         lost += max(0, item.seq - expected)
                     expected = item.seq + 1

@@ -99,7 +99,7 @@ class RecordingWriter:
         self._must_be_open()
         if not self._begun:
             raise RecordingError(f"{self.path}: a drain came before any stream: write the StreamInfo first")
-        self._append(Kind.DRAIN, pack_drain(item))
+        self._append(*pack_drain(item))
         if self._flushed_ns is None:
             self._flushed_ns = item.after_ns
         # Time that goes back is another clock's: flush, and count from there.
