@@ -18,6 +18,7 @@ from typing import NamedTuple
 ROOT = Path(__file__).resolve().parents[2]
 DRIVER = "src/quavelet/mpu6050"
 RECOVERY, FIFO, TIMES = (f"tests/mpu6050/test_mpu_{name}.py" for name in ("recovery", "fifo", "times"))
+DATA_READY, BASE = "tests/mpu6050/test_mpu_data_ready.py", "tests/mpu6050/test_mpu_timebase.py"
 START, SPIKES = "tests/mpu6050/test_mpu_start.py", "tests/faults/test_fault_spikes.py"
 SELF, CYCLE, MOTION = (f"tests/mpu6050/test_mpu_{name}.py" for name in ("self_test", "low_power", "motion"))
 MATRIX, TELLS = "tests/faults/test_fault_matrix.py", "tests/faults/test_fault_tells.py"
@@ -99,6 +100,18 @@ MUTANTS = (
     Mutant("idle: motion of the settling told", "motion.py", "status.take(r.MOT_INT.mask)  #", "pass  #", (MOTION,)),
     Mutant("idle: bits of others eaten", "int_status.py", "self._held |= self.chip", "self._held = self.chip", (MOTION,)),
     Mutant("idle: stream's status taken", "int_status.py", "if chip.read(r.USER_CTRL)", "if False and chip.read(r.USER_CTRL)", (CYCLE,)),
+    Mutant("pulse of another sample believed", "timebase.py", "<= FIT_PERIODS + unknown", "<= 1e9", (DATA_READY,)),
+    Mutant("first pulse keeps the counts", "timebase.py", "if anew or not self._s.edges:", "if anew:", (BASE, DATA_READY)),
+    Mutant("pulses fade as counts do", "timebase.py", "(EDGE_FADE_S if edge else FADE_S)", "FADE_S", (BASE,)),
+    Mutant("count worth a pulse", "timebase.py", "keep *= EDGE_WORTH", "pass", (BASE, DATA_READY)),
+    Mutant("noise taken for pulses", "pulses.py", "<= FIT_PERIODS + BOUND * n", "<= 1e9", (DATA_READY,)),
+    Mutant("pulse close to the count believed", "pulses.py", "if edge is None or drain.before_ns - edge.t_ns < clear_ns:", "if edge is None:", (DATA_READY,)),
+    Mutant("pulses missed for ever", "pulses.py", "s = replace(s, pulse_ns=newest.t_ns, missed=False)", "s = replace(s, pulse_ns=newest.t_ns)", (DATA_READY,)),
+    Mutant("pulses never missed", "pulses.py", "elif not s.missed and now_ns", "elif False and now_ns", (DATA_READY,)),
+    Mutant("vanished frame not told", "pulses.py", "return missing > 0", "return False", (DATA_READY,)),
+    Mutant("line begun on old pulses", "pulses.py", "self._tell(taken, edge, anew=True)", "self._tell(taken, edge)", (DATA_READY,)),
+    Mutant("failing line stops the stream", "source.py", "edges = line.wait(0.0)\n        except BusError", "edges = line.wait(0.0)\n        except ZeroDivisionError", (DATA_READY,)),
+    Mutant("latched pin left so", "config.py", "pin |= r.INT_LEVEL.mask | r.INT_OPEN.mask | r.LATCH_INT_EN.mask", "pass", (DATA_READY,)),
     Mutant("no end of tries", "startup.py", "or self._tries < MAX_TRIES", "or True", (START,)),
 )  # fmt: skip
 

@@ -7,7 +7,7 @@ import logging
 import matrix
 import pytest
 from in_self_test import MOMENTS_S, SelfTestCell, self_test_cell
-from matrix import ROWS, STATES, Cell, cell
+from matrix import ROWS, STATES, WIRED_ROWS, Cell, cell
 
 from quavelet.core.errors import BusError, ChipUnstable, DeviceLost
 
@@ -54,7 +54,7 @@ def check(c: Cell) -> None:
 
 
 @pytest.mark.parametrize("state", STATES)
-@pytest.mark.parametrize("fault", ROWS)
+@pytest.mark.parametrize("fault", (*ROWS, *WIRED_ROWS))
 def test_fault_ends_neither_in_good_samples_nor_in_an_error_that_helps(fault, state):
     check(cell(fault, state))
 
