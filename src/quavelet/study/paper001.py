@@ -276,10 +276,9 @@ def _jump_chart(scenario: Scenario, shown: dict[str, FloatArray]) -> Chart:
         "001-jump",
         "Heading about a jump of 15 deg",
         "time, s",
-        "heading, deg",
-        (
-            *(Curve(name, t[rows], shown[name][rows]) for name in ("raw", "soft", PAPERS)),
-            Curve("truth", t[rows], scenario.angles_deg[rows, 2], dashed=True),
+        "heading found minus true, deg",
+        tuple(
+            Curve(name, t[rows], (shown[name] - scenario.angles_deg[:, 2])[rows]) for name in ("raw", "soft", PAPERS)
         ),
         note="Soft thresholding takes the jump down with the noise; the improved function leaves it.",
     )
