@@ -156,7 +156,7 @@ def _length_chart(lengths: FloatArray, errors: FloatArray) -> Chart:
         ),
         log_x=True,
         log_y=True,
-        note="Below a minute and a half some headings are lost; above, noise is less than the biases' share of 0.22 deg, "
+        note="Below a minute and a half headings are lost; above, noise is less than the biases' share of 0.22 deg, "
         "which no length takes away.",
     )
 
