@@ -14,6 +14,7 @@ from quavelet.attitude.doubt import YAW_MAX_RAD
 from quavelet.attitude.fusion import FusionFilter
 from quavelet.attitude.fusion_literal import LiteralFusionFilter, LiteralParams
 from quavelet.attitude.fusion_params import FusionParams
+from quavelet.attitude.params import FilterParams
 from quavelet.attitude.pid import PidFilter, PidParams
 from quavelet.core.blocks import Flag
 from quavelet.core.errors import SettingsError
@@ -280,3 +281,8 @@ def test_a_value_that_is_no_number_is_refused_before_it_is_remembered(make):
     rates[7, 1] = np.nan
     with pytest.raises(ValueError, match="row 7"):
         make().process(block(rates, level(20)))
+
+
+@pytest.mark.parametrize(("kind", "kept"), [("fusion", FusionFilter), ("fusion-literal", LiteralFusionFilter)])
+def test_the_settings_choose_it_by_name(kind, kept):
+    assert isinstance(FilterParams(kind=kind).build(residual=RESIDUAL), kept)

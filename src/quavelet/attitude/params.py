@@ -7,6 +7,9 @@ from typing import Literal, cast
 import msgspec
 
 from quavelet.attitude.doubt import Residual
+from quavelet.attitude.fusion import FusionFilter, FusionState
+from quavelet.attitude.fusion_literal import LiteralFusionFilter, LiteralParams, LiteralState
+from quavelet.attitude.fusion_params import FusionParams
 from quavelet.attitude.gated import GatedFilter, GatedState
 from quavelet.attitude.kernel import Method
 from quavelet.attitude.levels import AccelerometerFilter, AccelerometerState
@@ -14,8 +17,8 @@ from quavelet.attitude.pid import PidFilter, PidParams, PidState
 from quavelet.core.errors import SettingsError
 from quavelet.core.flow import AttitudeFilter
 
-Kind = Literal["gated", "velocity", "pid", "p", "gyro", "accelerometer"]
-FilterState = GatedState | PidState | AccelerometerState
+Kind = Literal["gated", "velocity", "pid", "p", "gyro", "accelerometer", "fusion", "fusion-literal"]
+FilterState = GatedState | PidState | AccelerometerState | FusionState | LiteralState
 
 _GAINS = ("kp", "ki", "kd", "kd_tau_s", "integral_limit_rad_s")
 _USES: dict[Kind, tuple[str, ...]] = {
@@ -25,6 +28,8 @@ _USES: dict[Kind, tuple[str, ...]] = {
     "p": ("kp",),
     "gyro": (),
     "accelerometer": (),
+    "fusion": (),
+    "fusion-literal": (),
 }
 
 
@@ -36,6 +41,8 @@ class FilterParams(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
                 "pid", "p"       paper 000's methods 4 and 3, with wavelets in [denoise] its method 5
                 "gyro"           its method 2: the rate integrated, gravity is never asked after the start
                 "accelerometer"  its method 1: the tilt of each sample by itself, no heading
+                "fusion"         paper 003's quaternion fusion in the form that is stable
+                "fusion-literal" the same as written: unstable, for comparison only
     tau_s       of "gated" and "velocity": how slowly gravity corrects a tilt while the board moves; longer where it
                 moves harder
     relearn_s   of "gated": a small rate as steady for so long is taken for the bias during the first five minutes
@@ -90,7 +97,13 @@ class FilterParams(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
         """A new filter; `residual` is what the calibration leaves open. Its state fits a filter of the same kind."""
         return cast("AttitudeFilter[FilterState]", self._build(residual))
 
-    def _build(self, residual: Residual) -> GatedFilter | PidFilter | AccelerometerFilter:
+    def _build(
+        self, residual: Residual
+    ) -> GatedFilter | PidFilter | AccelerometerFilter | FusionFilter | LiteralFusionFilter:
+        if self.kind == "fusion":
+            return FusionFilter(FusionParams(), residual=residual)
+        if self.kind == "fusion-literal":
+            return LiteralFusionFilter(LiteralParams(), residual=residual)
         if self.kind == "accelerometer":
             return AccelerometerFilter(residual=residual)
         if self.kind in ("gated", "velocity"):
