@@ -5,10 +5,14 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from program import quavelet
 
+from quavelet.alignment.result import Alignment, Heading
 from quavelet.cli import exits
+from quavelet.cli.align import message
+from quavelet.core.euler import from_euler
 
 
 def test_a_still_board_gets_roll_and_pitch_and_the_reason_why_no_heading():
@@ -18,6 +22,14 @@ def test_a_still_board_gets_roll_and_pitch_and_the_reason_why_no_heading():
     assert "+- 2." in done.lines[0]
     assert "0.01 deg/s of gyroscope error in 0.0042 deg/s of horizontal earth rate" in done.lines[2]
     assert "NOT A REAL ONE" in done.lines[3]
+
+
+def test_roll_of_a_board_on_its_nose_is_hardly_known():
+    q = from_euler(np.radians([10.0, 88.0, 0.0]))
+    tilt = np.radians(2.3)
+    found = message(Alignment(q, np.array([tilt, tilt, 1.8]), Heading.NO_REFERENCE, ""), src="", still_s=9.0, samples=9)
+    assert found.roll_sigma_deg == pytest.approx(2.3 / np.cos(np.radians(88.0)), rel=1e-3)
+    assert found.sigma_deg[:2] == pytest.approx((2.3, 2.3))
 
 
 def test_a_moving_board_is_refused():

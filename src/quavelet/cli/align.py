@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
-from math import isfinite, radians
+from math import cos, isfinite, radians
 from pathlib import Path
 from typing import Annotated
 
@@ -52,7 +52,8 @@ class Aligned(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """The JSON of `quavelet align`; without `q` the board was not aligned, and `reason` says why.
 
     heading             "observed", or why not: the name of a `Heading`
-    sigma_deg           about world x, y, z; 103.9 is a heading of which nothing is known
+    sigma_deg           about world x, y, z; 103.9 is a heading of which nothing is known. That of y is pitch's
+    roll_sigma_deg      that of x over the cosine of pitch: of a board on its nose roll is hardly known
     heading_sigma_deg   what the sensors' errors make of heading, where it was refused and that is a number
     """
 
@@ -64,6 +65,7 @@ class Aligned(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     q: tuple[float, ...] = ()
     roll_deg: float | None = None
     pitch_deg: float | None = None
+    roll_sigma_deg: float | None = None
     heading_deg: float | None = None
     sigma_deg: tuple[float, ...] = ()
     heading: str = ""
@@ -157,12 +159,13 @@ def _aligned(found: Stillness, *, src: str, latitude_deg: float | None) -> Align
         result = align_board(found.block, errors=_errors(UNCALIBRATED), latitude_rad=latitude_rad)
     except ValueError as error:
         return Aligned(v=1, src=src, aligned=False, reason=str(error), still_s=still_s)
-    return _message(result, src=src, still_s=still_s, samples=len(found.block))
+    return message(result, src=src, still_s=still_s, samples=len(found.block))
 
 
-def _message(result: Alignment, *, src: str, still_s: float, samples: int) -> Aligned:
+def message(result: Alignment, *, src: str, still_s: float, samples: int) -> Aligned:
     roll, pitch, _ = (DEG_PER_RAD * to_euler(result.q)).tolist()
     _, _, heading = (DEG_PER_RAD * to_euler(result.q, order="zxy")).tolist()
+    roll_sigma = min(UNIFORM_RAD, float(result.sigma_rad[0]) / max(cos(radians(pitch)), 1e-9))
     known = isfinite(result.heading_sigma_rad) and result.heading_sigma_rad < UNIFORM_RAD
     return Aligned(
         v=1,
@@ -173,6 +176,7 @@ def _message(result: Alignment, *, src: str, still_s: float, samples: int) -> Al
         q=tuple(round(x, 8) for x in result.q.tolist()),
         roll_deg=round(roll, 4),
         pitch_deg=round(pitch, 4),
+        roll_sigma_deg=round(DEG_PER_RAD * roll_sigma, 4),
         heading_deg=round(heading % 360.0, 4) if result.has_heading else None,
         sigma_deg=tuple(round(x, 4) for x in (DEG_PER_RAD * result.sigma_rad).tolist()),
         heading=result.heading.name.lower(),
@@ -200,7 +204,7 @@ def _lines(aligned: Aligned) -> str:
         heading = f"{aligned.heading_deg:8.2f} deg  +- {sigma[2]:.2f}, clockwise from north: {aligned.reason}"
     return "\n".join(
         [
-            f"roll     {aligned.roll_deg:+8.2f} deg  +- {sigma[0]:.2f}",
+            f"roll     {aligned.roll_deg:+8.2f} deg  +- {aligned.roll_sigma_deg:.2f}",
             f"pitch    {aligned.pitch_deg:+8.2f} deg  +- {sigma[1]:.2f}",
             f"heading  {heading}",
             f"from     {aligned.samples} samples in {aligned.still_s:.1f} s of stillness, {aligned.src}{fake}",
