@@ -14,7 +14,7 @@ from quavelet.alignment.sensors import MPU6050, SensorErrors
 from quavelet.core.blocks import FloatArray
 from quavelet.core.units import DEG_PER_RAD
 from quavelet.study.experiment import Effort, Experiment, Progress, Result, Row, Verdict
-from quavelet.study.paper002_noise import STILL_SEED, still, swinging
+from quavelet.study.paper002_noise import STILL_SEED, noise_levels, still, swinging
 from quavelet.study.paper002_simulation import AXES, BOARD, DEG_H, MICRO_G, G, apparent, errors_deg, forces_at
 
 MPU_SEED = 6050
@@ -34,7 +34,7 @@ def _run(effort: Effort, progress: Progress) -> Result:
     progress(0.1, "a board at rest")
     rest, curves = still(10 if quick else 60, judged=not quick, progress=progress)
     progress(0.6, "a swinging board")
-    swung = () if quick else swinging(16, progress=progress)
+    swung = () if quick else (*swinging(16, progress=progress), *noise_levels(20))
     progress(0.9, "an MPU-6050")
     rows += [*rest, *swung, *_flagged(10 if quick else 60), *_mpu6050(20 if quick else 60)]
     return Result(tuple(rows), curves, REMARKS)
