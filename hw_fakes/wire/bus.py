@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import errno
 from collections.abc import Mapping
-from types import TracebackType
-from typing import Self
 
 from hw_fakes.chip.mpu6050 import FakeMpu6050
 from hw_fakes.target import Target
@@ -13,12 +11,13 @@ from hw_fakes.wire.adapter import READ, Adapter, Message
 from hw_fakes.wire.int_line import FakeDataReady
 from quavelet.bus.faults import bus_error
 from quavelet.core.clock import Clock
+from quavelet.core.closing import Closing
 from quavelet.core.errors import BusError, SettingsError
 
 INT_LINE = "fake:int"
 
 
-class FakeBus:
+class FakeBus(Closing):
     """The chips on one bus; implements `quavelet.bus.protocol.I2CBus`.
 
     adapter  the wires, with their time, chips and faults
@@ -72,14 +71,6 @@ class FakeBus:
 
     def close(self) -> None:
         self._closed = True
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None, /
-    ) -> None:
-        self.close()
 
     def _transfer(self, messages: list[Message]) -> list[bytes]:
         address, _, data = messages[0]
