@@ -92,3 +92,15 @@ def test_a_better_gyroscope_has_lost_the_earths_rate_at_this_rest():
     """Its bias was measured there: heading from what is left would be noise."""
     found = align_board(samples([True] * 50), errors=replace(MPU6050, gyro_bias_rad_s=1e-7), latitude_rad=0.5)
     assert found.heading is Heading.NO_REFERENCE
+
+
+def test_a_magnetometer_gives_the_heading_that_the_gyroscope_cannot():
+    field_ut = np.full((50, 3), np.nan)
+    # Level and turned by 90 deg clockwise, magnetic north is on the left.
+    field_ut[::10] = [-20.0, 0.0, -40.0]
+    still = samples([True] * 50)
+    found = align_board(still, errors=MPU6050, field_ut=field_ut, declination_rad=np.radians(3.0))
+    assert found.heading is Heading.OBSERVED
+    assert np.degrees(to_euler(found.q, order="zxy")) == pytest.approx([0.0, 0.0, 93.0], abs=1e-9)
+    silent = align_board(still, errors=MPU6050, field_ut=np.full((50, 3), np.nan))
+    assert silent.heading is Heading.EARTH_RATE_HIDDEN

@@ -10,8 +10,8 @@ import numpy as np
 from quavelet.alignment.earth_rate import gyrocompass
 from quavelet.alignment.result import Alignment, Heading
 from quavelet.alignment.sensors import SensorErrors
-from quavelet.alignment.two_vectors import align_level
-from quavelet.core.blocks import Flag, ImuBlock, concat
+from quavelet.alignment.two_vectors import align_field, align_level
+from quavelet.core.blocks import Flag, FloatArray, ImuBlock, concat
 
 SPOILT = Flag.GAP | Flag.STUCK | Flag.ACCEL_CLIPPED | Flag.GYRO_CLIPPED
 """A sample with one of these ends a stretch of stillness."""
@@ -61,14 +61,30 @@ def longest_still(blocks: Iterable[ImuBlock], *, enough_s: float = 60.0) -> Stil
     return Stillness(block=concat(best) if best else None, still_s=best_s, all_s=all_s, stuck=stuck)
 
 
-def align_board(still: ImuBlock, *, errors: SensorErrors, latitude_rad: float | None = None) -> Alignment:
-    """The attitude of a board at rest. Without a magnetometer there is no heading; the reason has the figures.
+def align_board(
+    still: ImuBlock,
+    *,
+    errors: SensorErrors,
+    latitude_rad: float | None = None,
+    field_ut: FloatArray | None = None,
+    declination_rad: float = 0.0,
+) -> Alignment:
+    """The attitude of a board at rest: heading by its magnetometer, else refused with the figures of its gyroscope.
 
     latitude_rad   of the place, for those figures; None: the equator's, which are the best there are
+    field_ut       (M, 3) what a calibrated magnetometer beside it measured meanwhile, body frame; rows with a NaN have
+                   no measurement
 
     Raises ValueError where the samples are not finite or not gravity.
     """
-    level = align_level(still.accel_m_s2, period_s=float(still.period_s.mean()), errors=errors)
+    period_s = float(still.period_s.mean())
+    if field_ut is not None:
+        measured = field_ut[~np.isnan(field_ut).any(axis=1)]
+        if len(measured):
+            return align_field(
+                still.accel_m_s2, measured, period_s=period_s, errors=errors, declination_rad=declination_rad
+            )
+    level = align_level(still.accel_m_s2, period_s=period_s, errors=errors)
     verdict, heading_rad, figures = gyrocompass(errors, latitude_rad=latitude_rad or 0.0)
     if verdict is Heading.OBSERVED:
         # The rates have lost the earth's with the bias, which was taken at this very rest.
