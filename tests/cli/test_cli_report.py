@@ -52,6 +52,8 @@ def test_the_figures_are_those_of_the_noise_and_the_tilt_that_went_in(trial, tmp
     (found,) = [json.loads(line) for line in done.stdout.splitlines()]
     assert found["seconds"] == pytest.approx(29.99)
     by_name = {method["name"]: method for method in found["methods"]}
+    assert list(by_name) == ["default", "accelerometer", "gyro", "P", "PID", "wavelet PID", "fusion"]
+    assert by_name["accelerometer"]["heading error at the end, deg"] is None
     assert by_name["default"]["rms tilt error, deg"] < 0.5
     assert by_name["default"]["apart from the default, rms deg"] == pytest.approx(0.0, abs=1e-6)
     gyro = [axis for axis in found["noise"] if axis["sensor"] == "gyroscope"]

@@ -98,6 +98,15 @@ def test_a_label_has_one_colour_in_all_charts_and_a_truth_none_of_its_own():
     assert len(set(colours.values())) == 3
 
 
+def test_charts_that_have_no_label_in_common_begin_with_the_same_colours():
+    x = np.arange(2.0)
+    methods = Chart("a", "", "", "", tuple(Curve(str(k), x, x) for k in range(7)))
+    axes = Chart("b", "", "", "", tuple(Curve(axis, x, x) for axis in "xyz"))
+    colours = plot.colours_of([methods, axes, methods])
+    assert [colours[axis] for axis in "xyz"] == [colours[str(k)] for k in range(3)]
+    assert len({colours[str(k)] for k in range(7)}) == 7
+
+
 def test_a_spike_in_a_long_line_is_drawn():
     y = np.zeros(200_000)
     y[123_456] = 7.0

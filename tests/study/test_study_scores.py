@@ -9,7 +9,7 @@ from quavelet.core.blocks import AttitudeBlock, Flag
 from quavelet.core.euler import from_euler
 from quavelet.core.quaternion import conjugate, multiply, rotate
 from quavelet.study.recorded import Truth
-from quavelet.study.scores import score, settled_from, still_rows
+from quavelet.study.scores import drawn_deg, errors_over_time, score, settled_from, still_rows
 
 N = 1000
 T_S = np.arange(N) / 100.0
@@ -60,6 +60,22 @@ def test_a_heading_that_was_wrong_from_the_start_is_none_and_one_that_drifts_is(
     assert scored(turned((0.0, 0.0, 170.0))).heading == pytest.approx(0.0, abs=1e-9)
     drifting = np.column_stack([np.zeros(N), np.zeros(N), np.linspace(100.0, 500.0, N)])
     assert scored(turned(drifting)).heading == pytest.approx(400.0)
+
+
+def test_no_line_is_drawn_from_one_end_of_the_turn_to_the_other():
+    yaw = np.column_stack([np.zeros(N), np.zeros(N), np.linspace(0.0, 890.0, N)])
+    drawn = drawn_deg(from_euler(np.radians(yaw)))[:, 2]
+    assert np.isnan(drawn).sum() == 2
+    assert np.nanmax(np.abs(np.diff(drawn))) < 1.0
+
+
+def test_an_error_over_time_is_the_rms_of_each_window_and_missing_where_nothing_is_scored():
+    truth = Truth(TRUE_Q, np.arange(N) < 500)
+    t_s, error = errors_over_time(block(turned((3.0, 0.0, 0.0))), truth, start=100, window=50)
+    assert t_s[:2] == pytest.approx([1.25, 1.75], abs=0.01)
+    assert error[:8] == pytest.approx([3.0] * 8)
+    assert np.isnan(error[8:]).all()
+    assert len(error) == 18
 
 
 def test_only_scored_rows_from_the_start_on_count():

@@ -44,12 +44,21 @@ svg{color:#212529;background:#fff}
 
 
 def colours_of(charts: Iterable[Chart]) -> dict[str, str]:
-    """A colour for each label, in the order they come: the same label has the same colour in all of the charts."""
+    """A colour for each label: the same label has the same in all of the charts. Charts that share a label are of one
+    family, whose labels have different colours as far as there are any; each family begins with the first."""
     colours: dict[str, str] = {}
+    family_of: dict[str, int] = {}
+    used: list[int] = []
     for chart in charts:
-        for curve in chart.curves:
-            if not curve.dashed:
-                colours.setdefault(curve.label, COLOURS[len(colours) % len(COLOURS)])
+        labels = [curve.label for curve in chart.curves if not curve.dashed]
+        family = next((family_of[label] for label in labels if label in family_of), len(used))
+        if family == len(used):
+            used.append(0)
+        for label in labels:
+            if label not in colours:
+                colours[label] = COLOURS[used[family] % len(COLOURS)]
+                family_of[label] = family
+                used[family] += 1
     return colours
 
 

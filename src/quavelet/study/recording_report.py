@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from math import isnan
+from math import isnan, nan
 
 import numpy as np
 
@@ -19,13 +19,14 @@ from quavelet.study.experiment import Chart, Curve
 from quavelet.study.methods import DEFAULT, Method, methods
 from quavelet.study.page import Cell, Mark, Section, Table, significant
 from quavelet.study.recorded import Recorded, Truth
-from quavelet.study.scores import Score, angles_deg, score, settled_from, still_rows, truth_errors_deg
+from quavelet.study.scores import Score, drawn_deg, errors_over_time, score, settled_from, still_rows
 
 AXES, ANGLES = "xyz", ("roll", "pitch", "yaw")
 NOISE_FROM_S = 10.0
 """Noise is measured in a still stretch of at least this."""
 DRAWN_ROWS = 6000
 """A curve of more points is thinned before it is drawn: no screen has so many."""
+ERROR_WINDOWS = 300
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -106,12 +107,13 @@ def figures(report: Report, ran: Ran) -> dict[str, float]:
     if report.recorded.truth is not None:
         found["rms tilt error, deg"] = ran.score.truth
         found["largest tilt error, deg"] = ran.score.truth_max
-        found["heading error at the end, deg"] = ran.score.heading
+        found["heading error at the end, deg"] = ran.score.heading if ran.method.has_heading else nan
     found["vertical against the accelerometer, rms deg"] = ran.score.gravity
     if report.still.stop > report.still.start:
         for k, angle in enumerate(ANGLES):
-            found[f"{angle} wander at rest, deg"] = ran.score.wander[k]
-            found[f"{angle} rms at rest, deg"] = ran.score.wander_rms[k]
+            known = angle != "yaw" or ran.method.has_heading
+            found[f"{angle} wander at rest, deg"] = ran.score.wander[k] if known else nan
+            found[f"{angle} rms at rest, deg"] = ran.score.wander_rms[k] if known else nan
     found["apart from the default, rms deg"] = ran.score.apart
     return found
 
@@ -127,7 +129,7 @@ def method_table(report: Report) -> Table:
 def noise_table(noise: Sequence[AxisNoise]) -> Table:
     """A row an axis: the noise of a board that lies still, in the data sheet's units."""
     head = (
-        "sensor", "axis", "mean", "density, /rtHz", "data sheet", "that is", "bias instability", "random walk, /rts",
+        "sensor", "axis", "mean", "density, /rtHz", "data sheet", "judged", "bias instability", "random walk, /rts",
         "drift, /h", "least deviation", "averaged over",
     )  # fmt: skip
     rows = []
@@ -218,17 +220,23 @@ def _charts(report: Report, name: str) -> tuple[Chart, ...]:
     x: FloatArray = t_s[settled]
     charts = []
     for k, angle in enumerate(ANGLES):
-        curves = [Curve(ran.method.name, x, angles_deg(ran.block.q)[settled, k]) for ran in report.runs]
+        shown = [ran for ran in report.runs if angle != "yaw" or ran.method.has_heading]
+        curves = [Curve(ran.method.name, x, drawn_deg(ran.block.q[settled])[:, k]) for ran in shown]
         if (truth := report.recorded.truth) is not None and angle != "yaw":
-            true = np.where(truth.scored, angles_deg(truth.q)[:, k], np.nan)
-            curves.append(Curve("truth", x, true[settled], dashed=True))
+            true = np.where(truth.scored[settled], drawn_deg(truth.q[settled])[:, k], nan)
+            curves.append(Curve("truth", x, true, dashed=True))
         note = "Relative: it counts from where the board was at the start." if angle == "yaw" else ""
         charts.append(
             Chart(f"{name}-{angle}", angle.capitalize(), "time, s", f"{angle}, deg", tuple(curves), note=note)
         )
     if (truth := report.recorded.truth) is not None:
-        errors = [Curve(ran.method.name, x, truth_errors_deg(ran.block.q, truth)[settled]) for ran in report.runs]
-        charts.append(Chart(f"{name}-error", "Tilt error", "time, s", "error, deg", tuple(errors)))
+        window = max(1, round(1.0 / float(np.median(report.imu.period_s))), len(t_s) // ERROR_WINDOWS)
+        errors = tuple(
+            Curve(ran.method.name, *errors_over_time(ran.block, truth, start=report.start, window=window))
+            for ran in report.runs
+        )
+        label = f"rms of {window * float(np.median(report.imu.period_s)):.0f} s, deg"
+        charts.append(Chart(f"{name}-error", "Tilt error", "time, s", label, errors, log_y=True))
     rate = DEG_PER_RAD * report.imu.gyro_rad_s
     force = report.imu.accel_m_s2
     for values, stem, title, unit in ((rate, "rate", "Rate", "deg/s"), (force, "force", "Specific force", "m/s^2")):

@@ -10,7 +10,7 @@ import numpy as np
 from quavelet.core.blocks import AttitudeBlock, BoolArray, Flag, FloatArray
 from quavelet.core.euler import to_euler
 from quavelet.core.quaternion import conjugate, inclination_between, multiply, rotate
-from quavelet.core.units import DEG_PER_RAD, RAD_PER_DEG
+from quavelet.core.units import DEG_PER_RAD, NS_PER_S, RAD_PER_DEG
 from quavelet.study.recorded import Truth
 
 GRAVITY_WITHIN = 0.03
@@ -68,14 +68,35 @@ def angles_deg(q: FloatArray) -> FloatArray:
     return angles
 
 
+def drawn_deg(q: FloatArray) -> FloatArray:
+    """Roll, pitch, yaw (N, 3) in deg within a half turn, NaN where a line would cross from one end to the other."""
+    angles: FloatArray = DEG_PER_RAD * to_euler(q)
+    angles[1:][np.abs(np.diff(angles, axis=0)) > 180.0] = nan
+    return angles
+
+
 def truth_errors_deg(q: FloatArray, truth: Truth) -> FloatArray:
     """The inclination error (N,); NaN where truth is not scored."""
     error: FloatArray = np.where(truth.scored, DEG_PER_RAD * inclination_between(truth.q, q), nan)
     return error
 
 
+def errors_over_time(block: AttitudeBlock, truth: Truth, *, start: int, window: int) -> tuple[FloatArray, FloatArray]:
+    """Times in s since the first row, and the rms inclination error in deg of each `window` rows from `start` on; NaN
+    where nothing of a window is scored."""
+    n = (len(block) - start) // window
+    rows = slice(start, start + n * window)
+    squares = (truth_errors_deg(block.q, truth)[rows] ** 2).reshape(n, window)
+    counted = np.isfinite(squares).sum(axis=1)
+    sums = np.nansum(squares, axis=1)
+    rms: FloatArray = np.sqrt(np.divide(sums, counted, out=np.full(n, nan), where=counted > 0))
+    t_s: FloatArray = ((block.t_ns - block.t_ns[0]) / NS_PER_S)[rows].reshape(n, window).mean(axis=1)
+    return t_s, rms
+
+
 def score(block: AttitudeBlock, reference: AttitudeBlock, *, still: slice, start: int, truth: Truth | None) -> Score:
-    """The figures of `block` from row `start` on; `reference` is the default's and `still` a stretch of its rows."""
+    """The figures of `block` from row `start` on; `reference` is the default's, with rate and force not denoised, and
+    `still` a stretch of its rows."""
     wander, wander_rms = (nan, nan, nan), (nan, nan, nan)
     if still.stop - still.start > 1:
         angles = angles_deg(block.q[still])
@@ -91,7 +112,7 @@ def score(block: AttitudeBlock, reference: AttitudeBlock, *, still: slice, start
     return Score(
         wander,
         wander_rms,
-        _gravity_rms_deg(block, start),
+        _gravity_rms_deg(block.q, reference, start),
         rms,
         largest,
         heading,
@@ -99,16 +120,16 @@ def score(block: AttitudeBlock, reference: AttitudeBlock, *, still: slice, start
     )
 
 
-def _gravity_rms_deg(block: AttitudeBlock, start: int) -> float:
-    force = block.accel_m_s2
+def _gravity_rms_deg(q: FloatArray, measured: AttitudeBlock, start: int) -> float:
+    force = measured.accel_m_s2
     norm = np.linalg.norm(force, axis=1)
     usual = float(np.median(norm))
     believed: BoolArray = np.abs(norm - usual) <= GRAVITY_WITHIN * usual
-    believed &= np.linalg.norm(block.gyro_rad_s, axis=1) <= GRAVITY_RATE_RAD_S
+    believed &= np.linalg.norm(measured.gyro_rad_s, axis=1) <= GRAVITY_RATE_RAD_S
     believed[:start] = False
     if usual == 0.0 or not believed.any():
         return nan
-    up = rotate(conjugate(block.q[believed]), np.array([0.0, 0.0, 1.0]))
+    up = rotate(conjugate(q[believed]), np.array([0.0, 0.0, 1.0]))
     cosine = (up * force[believed]).sum(axis=1) / norm[believed]
     return float(DEG_PER_RAD * np.sqrt((np.arccos(np.clip(cosine, -1.0, 1.0)) ** 2).mean()))
 
