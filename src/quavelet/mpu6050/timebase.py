@@ -13,8 +13,9 @@ from math import exp
 
 from quavelet.core.units import NS_PER_S
 
-FADE_S = 60.0
-"""Time constant with which old observations fade: the oscillator drifts with temperature, in minutes."""
+FADE_S = 20.0
+"""Time constant with which old observations fade. The oscillator drifts with temperature, in minutes, and a line that
+lags behind it is late by the rate of the drift times the square of this: 1 ms at 2.5 ppm/s."""
 EDGE_FADE_S = 2.0
 """The same for pulses. They need less averaging than counts, and a line that lags behind a drifting oscillator is late
 by the rate of the drift times the square of this."""
