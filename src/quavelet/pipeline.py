@@ -64,7 +64,7 @@ def build_pipeline(settings: Settings, *, calibration: ImuCalibration = UNCALIBR
     """The pipeline of these settings; a bias in the settings goes before the calibration's."""
     if settings.start.gyro_bias_dps:
         x, y, z = (RAD_PER_DEG * dps for dps in settings.start.gyro_bias_dps)
-        calibration = replace(calibration, gyro_bias_rad_s=(x, y, z))
+        calibration = replace(calibration, gyro_bias_rad_s=(x, y, z), gyro_bias_curve=None)
     residual = Residual(
         tilt_rad=calibration.accel_sigma_m_s2 / STANDARD_GRAVITY_M_S2,
         gyro_bias_rad_s=calibration.gyro_bias_sigma_rad_s,
@@ -74,7 +74,7 @@ def build_pipeline(settings: Settings, *, calibration: ImuCalibration = UNCALIBR
     row_filter = settings.denoise.build()
     return Pipeline(
         Calibrate(calibration),
-        StillBias(window_s=settings.start.still_s),
+        StillBias(window_s=settings.start.still_s, refine=calibration.knows_bias),
         Denoise(row_filter, sample_rate_hz=settings.chip.sample_rate_hz) if row_filter else None,
         settings.filter.build(residual=residual),
     )

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from quavelet.calibration.calibrate import Calibrate
-from quavelet.calibration.model import ImuCalibration
+from quavelet.calibration.model import BiasCurve, ImuCalibration
 from quavelet.core.blocks import Flag, RawBlock, Scale
 
 SCALE = Scale(
@@ -59,3 +59,42 @@ def test_the_model_is_matrix_times_measured_minus_offset(gyro_matrix, accel_matr
 
 def test_an_empty_block_goes_through():
     assert len(Calibrate(ImuCalibration()).process(raw(np.zeros((0, 7))))) == 0
+
+
+CURVE = BiasCurve(
+    reference_degc=30.0,
+    coefficients_rad_s=((0.02, -0.01, 0.03), (0.001, 0.002, -0.001)),
+    lowest_degc=20.0,
+    highest_degc=40.0,
+    sigma_rad_s=1e-3,
+    slope_sigma_rad_s_degc=1e-5,
+)
+
+
+def at_temperatures(*temp_degc: float) -> RawBlock:
+    counts = np.zeros((len(temp_degc), 7))
+    counts[:, 3] = [round((t - 36.53) * 340) for t in temp_degc]
+    return raw(counts)
+
+
+def test_the_bias_over_temperature_is_held_at_its_ends_never_extrapolated():
+    out = Calibrate(ImuCalibration(gyro_bias_curve=CURVE)).process(at_temperatures(-10.0, 20.0, 25.0, 30.0, 40.0, 70.0))
+    x = [0.01, 0.01, 0.015, 0.02, 0.03, 0.03]
+    assert np.allclose(out.gyro_rad_s[:, 0], np.negative(x), atol=2e-6)
+
+
+def test_a_temperature_without_a_calibration_is_flagged_and_no_other():
+    calibration = ImuCalibration(gyro_bias_curve=CURVE, lowest_degc=15.0, highest_degc=45.0)
+    out = Calibrate(calibration).process(at_temperatures(14.9, 15.1, 30.0, 44.9, 45.1))
+    flagged = (out.flags & Flag.UNCALIBRATED_TEMPERATURE) != 0
+    assert flagged.tolist() == [True, False, False, False, True]
+    assert not (Calibrate(ImuCalibration()).process(at_temperatures(-40.0, 125.0)).flags & ~Flag.BIAS_UNKNOWN).any()
+
+
+def test_what_a_force_does_to_the_gyroscope_is_taken_off():
+    per_force = ((0.001, 0.0, 0.0), (0.0, 0.002, 0.0), (0.003, 0.0, 0.0))
+    counts = np.zeros((1, 7))
+    counts[0, :2] = [1000, -2000]
+    force = counts[0, :3] * SCALE.accel_m_s2_per_lsb
+    out = Calibrate(ImuCalibration(gyro_per_force=per_force)).process(raw(counts))
+    assert np.allclose(out.gyro_rad_s[0], -np.array(per_force) @ force)

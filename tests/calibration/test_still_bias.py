@@ -125,3 +125,34 @@ def test_still_and_moving_are_told_apart_as_they_happen():
     assert still[100:400].all()
     assert not still[400:440].any()
     assert still[700:].all()
+
+
+MOVING = 20.0 * np.sin(np.arange(700) / 15.0)[:, None] * [1, 0.5, 0.2]
+
+
+def test_a_board_that_moves_at_the_start_is_not_waited_for_where_the_calibration_knows_its_bias():
+    data = board(MOVING, flat(700, [0, 0, 1]))
+    out = StillBias(window_s=2.0, refine=True).process(data)
+    assert bias_known(out)[20:].all()
+    assert np.array_equal(out.gyro_rad_s, data.gyro_rad_s)
+
+
+def test_what_the_calibration_leaves_is_measured_at_the_still_start():
+    out = StillBias(window_s=2.0, refine=True).process(board(flat(600, [0.2, -0.1, 0.05]), flat(600, [0, 0, 1])))
+    assert not bias_known(out)[:190].any()
+    assert np.allclose(np.degrees(out.gyro_bias_rad_s[-1]), [0.2, -0.1, 0.05], atol=0.05)
+
+
+def test_what_the_calibration_leaves_is_measured_later_where_the_board_moved_first():
+    rates = np.vstack([MOVING, flat(500, [0, 0, 0])]) + [0.3, 0, 0]
+    out = StillBias(window_s=2.0, refine=True).process(board(rates, flat(1200, [0, 0, 1])))
+    assert np.allclose(np.degrees(out.gyro_bias_rad_s[-1]), [0.3, 0, 0], atol=0.05)
+
+
+def test_a_slow_turn_at_the_start_is_no_bias_where_the_calibration_knows_better():
+    rates = flat(800, [0, 0, 5.0])
+    out = StillBias(window_s=2.0, refine=True).process(board(rates, flat(800, [0, 0, 1])))
+    assert bias_known(out)[205:].all()
+    assert not out.gyro_bias_rad_s.any()
+    # Without a calibration it is taken for one.
+    assert StillBias(window_s=2.0).process(board(rates, flat(800, [0, 0, 1]))).gyro_bias_rad_s[-1, 2] > 0.08

@@ -18,7 +18,7 @@ from quavelet.attitude.fusion_params import FusionParams
 from quavelet.attitude.params import FilterParams
 from quavelet.attitude.pid import PidFilter, PidParams
 from quavelet.calibration.calibrate import Calibrate
-from quavelet.calibration.model import ImuCalibration
+from quavelet.calibration.model import BiasCurve, ImuCalibration
 from quavelet.calibration.still_bias import StillBias
 from quavelet.core.blocks import Flag, ImuBlock, RawBlock, Scale, array_fields, concat
 from quavelet.denoise.params import DenoiseParams
@@ -32,6 +32,19 @@ TILTED = ImuCalibration(
     gyro_matrix=((1.01, 0.002, -0.003), (0.001, 0.98, 0.004), (0.0, -0.002, 1.02)),
     accel_offset_m_s2=(0.1, -0.2, 0.3),
     accel_matrix=((0.99, 0.001, 0.0), (0.002, 1.01, 0.003), (-0.001, 0.0, 1.005)),
+)
+WARM = replace(
+    TILTED,
+    gyro_bias_curve=BiasCurve(
+        reference_degc=25.0,
+        coefficients_rad_s=((0.01, 0.02, 0.03), (1e-3, -2e-3, 3e-4), (1e-5, 2e-5, -1e-5)),
+        lowest_degc=20.0,
+        highest_degc=26.2,
+        sigma_rad_s=1e-3,
+        slope_sigma_rad_s_degc=1e-5,
+    ),
+    gyro_per_force=((1e-4, 0.0, 2e-4), (0.0, -1e-4, 0.0), (1e-5, 0.0, 1e-4)),
+    highest_degc=26.235,
 )
 RESIDUAL = Residual(tilt_rad=0.03, gyro_bias_rad_s=2e-4, gyro_bias_rad_s_degc=0.0, gyro_scale=0.02)
 
@@ -85,7 +98,9 @@ def replace_denoise(settings: Settings, **params) -> Settings:
 
 STAGES = {
     "calibrate": (raw_block, lambda: Calibrate(TILTED)),
+    "calibrate over temperature": (raw_block, lambda: Calibrate(WARM)),
     "still bias": (imu_block, lambda: StillBias(window_s=0.5)),
+    "still bias of what is left": (imu_block, lambda: StillBias(window_s=0.5, refine=True)),
     "pid, bias unknown then known": (levelled_block, lambda: PidFilter(PidParams(), residual=RESIDUAL)),
     "pid with all terms": (
         lambda seed, n: imu_block(seed, n, bias_unknown=False),
@@ -119,6 +134,7 @@ STAGES = {
     "gyro": (levelled_block, lambda: FilterParams(kind="gyro").build(residual=RESIDUAL)),
     "accelerometer": (levelled_block, lambda: FilterParams(kind="accelerometer").build(residual=RESIDUAL)),
     "the whole pipeline": (raw_block, lambda: build_pipeline(QUICK, calibration=TILTED)),
+    "the whole pipeline, calibrated over temperature": (raw_block, lambda: build_pipeline(QUICK, calibration=WARM)),
     "the pipeline as it is by default": (raw_block, lambda: build_pipeline(Settings(), calibration=TILTED)),
 }
 

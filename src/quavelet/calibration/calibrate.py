@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from quavelet.calibration.model import ImuCalibration, Matrix, Vector
+from quavelet.calibration.model import NO_MATRIX, ImuCalibration, Matrix
 from quavelet.core.blocks import Flag, FloatArray, ImuBlock, RawBlock
 
 
 class Calibrate:
     """`RawBlock` to `ImuBlock` by an `ImuCalibration`. It has no memory.
 
-    Where the calibration knows no gyroscope bias the rate keeps its bias and every sample is flagged
-    BIAS_UNKNOWN, for the stage `StillBias` to clear.
+    Where the calibration has no constant bias, every sample is flagged BIAS_UNKNOWN, for the stage `StillBias` to
+    clear: what a bias over temperature leaves is measured as a whole bias is. The block's `gyro_bias_rad_s` is the
+    constant one; what goes with temperature and force is taken off like an error of scale.
     """
 
     def __init__(self, calibration: ImuCalibration) -> None:
@@ -21,18 +22,28 @@ class Calibrate:
     def process(self, block: RawBlock) -> ImuBlock:
         cal, scale = self.calibration, block.scale
         counts = block.counts.astype(np.float64)
+        temp_degc = counts[:, 3] * scale.temp_degc_per_lsb + scale.temp_degc_at_zero
         bias = cal.gyro_bias_rad_s
         unknown = np.uint32(Flag.BIAS_UNKNOWN if bias is None else 0)
-        offset = bias or (0.0, 0.0, 0.0)
+        outside = (temp_degc < cal.lowest_degc) | (temp_degc > cal.highest_degc)
+        strange = np.where(outside, np.uint32(Flag.UNCALIBRATED_TEMPERATURE), np.uint32(0))
+        offset = np.tile(np.array(bias or (0.0, 0.0, 0.0)), (len(block), 1))
+        accel = counts[:, 0:3] * scale.accel_m_s2_per_lsb - np.array(cal.accel_offset_m_s2)
+        accel = _product(cal.accel_matrix, accel)
+        gyro = counts[:, 4:7] * scale.gyro_rad_s_per_lsb - offset
+        if cal.gyro_bias_curve is not None:
+            gyro = gyro - cal.gyro_bias_curve.at(temp_degc)
+        if cal.gyro_per_force != NO_MATRIX:
+            gyro = gyro - _product(cal.gyro_per_force, accel)
         return ImuBlock(
             t_ns=block.t_ns,
             period_s=block.period_s,
             gap_ns=block.gap_ns,
-            flags=block.flags | unknown,
-            gyro_rad_s=_corrected(counts[:, 4:7] * scale.gyro_rad_s_per_lsb, cal.gyro_matrix, offset),
-            accel_m_s2=_corrected(counts[:, 0:3] * scale.accel_m_s2_per_lsb, cal.accel_matrix, cal.accel_offset_m_s2),
-            temp_degc=counts[:, 3] * scale.temp_degc_per_lsb + scale.temp_degc_at_zero,
-            gyro_bias_rad_s=np.tile(np.array(offset), (len(block), 1)),
+            flags=block.flags | unknown | strange,
+            gyro_rad_s=_product(cal.gyro_matrix, gyro),
+            accel_m_s2=accel,
+            temp_degc=temp_degc,
+            gyro_bias_rad_s=offset,
             still=np.zeros(len(block), dtype=np.bool_),
         )
 
@@ -43,7 +54,7 @@ class Calibrate:
         del state
 
 
-def _corrected(measured: FloatArray, matrix: Matrix, offset: Vector) -> FloatArray:
-    """matrix (measured - offset), written out: a matrix product may round differently by the block's length."""
-    x, y, z = (measured[:, i] - offset[i] for i in range(3))
+def _product(matrix: Matrix, rows: FloatArray) -> FloatArray:
+    """matrix times each row (N, 3), written out: a matrix product may round differently by the block's length."""
+    x, y, z = rows.T
     return np.stack([row[0] * x + row[1] * y + row[2] * z for row in matrix], axis=1)

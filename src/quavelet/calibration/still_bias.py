@@ -15,6 +15,8 @@ FOLLOW_WINDOWS = 8
 """The bias is the mean of the first so many still windows; then it follows with this time constant."""
 FOLLOW_LIMIT_RAD_S = 0.03 * RAD_PER_DEG
 """A window that differs by more is a slow turn, not a better measurement."""
+REFINE_LIMIT_RAD_S = 1.0 * RAD_PER_DEG
+"""What a bias over temperature may leave, after months; a steady rate above it is a turn."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,7 +25,8 @@ class StillBiasState:
 
     run         the window being judged
     still_s     time since the board last moved
-    bias_rad_s  the bias from `windows` still windows, None before the first
+    bias_rad_s  the bias from `windows` still windows, None before the first; 0 from none where the board moved before
+                it, and the calibration knew the bias
     """
 
     run: StillRun = StillRun()
@@ -31,10 +34,13 @@ class StillBiasState:
     bias_rad_s: Vector | None = None
     windows: int = 0
 
-    def with_window(self, mean: Vector) -> StillBiasState:
+    def with_window(self, mean: Vector, *, first_limit_rad_s: float) -> StillBiasState:
         """The state after a steady window of this mean rate."""
-        if self.bias_rad_s is None:
+        if self.windows == 0:
+            if max(map(abs, mean)) > first_limit_rad_s:
+                return self
             return replace(self, bias_rad_s=mean, windows=1)
+        assert self.bias_rad_s is not None, "measured in a window"
         change = (mean[0] - self.bias_rad_s[0], mean[1] - self.bias_rad_s[1], mean[2] - self.bias_rad_s[2])
         if max(map(abs, change)) > FOLLOW_LIMIT_RAD_S:
             return self
@@ -48,16 +54,26 @@ class StillBias:
 
     window_s   how long the board must be still for its mean rate to be taken as the bias
     shows_s    how long it must be still for `still` to say so
+    refine     the rate comes without the bias that the calibration knows: what is left is measured as before, but a
+               board that moves before that is not waited for, and a first rate above 1 deg/s is a turn
 
     A board that moves is refused and watched further; its samples keep the flag. Whenever it is
     still again the bias is followed, for it drifts with temperature (PS 6.1: 20 deg/s over the whole range).
     The price: a turn slower than 0.03 deg/s is taken for drift.
     """
 
-    def __init__(self, *, window_s: float = 2.0, shows_s: float = 0.5, limits: StillnessLimits | None = None) -> None:
+    def __init__(
+        self,
+        *,
+        window_s: float = 2.0,
+        shows_s: float = 0.5,
+        limits: StillnessLimits | None = None,
+        refine: bool = False,
+    ) -> None:
         self._window_s = window_s
         self._shows_s = shows_s
         self._limits = limits or StillnessLimits()
+        self._refine = refine
         self._s = StillBiasState()
 
     def state(self) -> StillBiasState:
@@ -93,12 +109,18 @@ class StillBias:
     def _next(self, s: StillBiasState, sample: Six, dt_s: float, *, gap: bool, measure: bool) -> StillBiasState:
         longer = None if gap else extended(s.run, sample, dt_s, half_s=self._window_s / 2, limits=self._limits)
         if longer is None:
-            return replace(s, run=started(sample), still_s=0.0)
+            s = replace(s, run=started(sample), still_s=0.0)
+            return s if gap else self._moved(s)
         s = StillBiasState(longer, s.still_s + dt_s, s.bias_rad_s, s.windows)
         if longer.elapsed_s < self._window_s:
             return s
         if not is_steady(longer, limits=self._limits):
-            return replace(s, run=StillRun(), still_s=0.0)
+            return self._moved(replace(s, run=StillRun(), still_s=0.0))
         if measure:
-            s = s.with_window(longer.mean()[:3])
+            limit = REFINE_LIMIT_RAD_S if self._refine else self._limits.gyro_mean_rad_s
+            s = self._moved(s.with_window(longer.mean()[:3], first_limit_rad_s=limit))
         return replace(s, run=StillRun())
+
+    def _moved(self, s: StillBiasState) -> StillBiasState:
+        """A board that moves, or shows no bias, before its bias is measured: is that of the calibration good enough?"""
+        return replace(s, bias_rad_s=(0.0, 0.0, 0.0)) if self._refine and s.bias_rad_s is None else s

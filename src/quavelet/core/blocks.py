@@ -51,6 +51,8 @@ class Flag(IntFlag):
     HEADING_SUSPECT = 4096
     """For ten seconds a small steady rate has been there that is not the bias: a slow turn, or a bias that has run
     away, which no six axes can tell apart. Until the board is still again heading may drift."""
+    UNCALIBRATED_TEMPERATURE = 8192
+    """The chip is warmer or colder than it was at any time of its calibration, which holds no longer."""
 
     @classmethod
     def names(cls, value: int) -> list[str]:
@@ -121,7 +123,7 @@ class ImuBlock(Block):
     gyro_rad_s       (N, 3) angular rate, bias removed
     accel_m_s2       (N, 3) specific force, +g up at rest
     temp_degc        (N,)   die temperature
-    gyro_bias_rad_s  (N, 3) the bias that was removed from the rate
+    gyro_bias_rad_s  (N, 3) the bias that was removed from the rate, beyond that of the calibration
     still            (N,)   the board stood still up to this sample
     """
 
