@@ -52,6 +52,7 @@ class Imu(Closing):
             config=settings.chip,
             accept_id=settings.bus.accept_id,
             offsets=settings.offsets.plan(),
+            magnetometer=settings.magnetometer,
             clock=clock,
             health=self.health,
             line=line,

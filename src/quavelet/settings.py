@@ -15,7 +15,9 @@ from quavelet.attitude.params import FilterParams
 from quavelet.core.errors import SettingsError
 from quavelet.denoise.params import DenoiseParams
 from quavelet.mpu6050.config import ChipConfig
+from quavelet.mpu6050.magnetometer.asked import LONGEST_BYTES, MagnetometerParams
 from quavelet.mpu6050.offset_settings import OffsetSettings
+from quavelet.mpu6050.registers import FRAME_BYTES
 
 Value = str | int | float | bool
 Tables = dict[str, dict[str, Value]]
@@ -100,14 +102,21 @@ class Settings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     bus: BusSettings = BusSettings()
     chip: ChipConfig = ChipConfig(gyro_range_dps=500, accel_range_g=4, dlpf=3, sample_rate_hz=200.0)
     offsets: OffsetSettings = OffsetSettings()
+    magnetometer: MagnetometerParams = MagnetometerParams()
     start: StartSettings = StartSettings()
     denoise: DenoiseParams = DenoiseParams()
     filter: FilterParams = FilterParams()
     loop: LoopSettings = LoopSettings()
 
+    @property
+    def frame_bytes(self) -> int:
+        """Bytes of one frame of the chip's FIFO, at most."""
+        return FRAME_BYTES + (LONGEST_BYTES if self.magnetometer.used else 0)
+
     def __post_init__(self) -> None:
-        # A drain must come while the 1024-byte FIFO has room: 70 frames, and half of that for late wake-ups.
-        slowest = self.chip.sample_rate_hz / 35.0
+        # A drain must come while the 1024-byte FIFO has room: 70 frames, with a magnetometer 42, and half of that for
+        # late wake-ups.
+        slowest = self.chip.sample_rate_hz / (21.0 if self.magnetometer.used else 35.0)
         if self.loop.rate_hz < slowest:
             raise SettingsError(
                 f"loop.rate_hz = {self.loop.rate_hz:g} is too slow for chip.sample_rate_hz = "

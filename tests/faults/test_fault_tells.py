@@ -8,6 +8,8 @@ from dataclasses import fields
 
 import pytest
 from chip_rig import Rig, config
+from magnetometer_rig import lying
+from magnetometer_stream_rig import MagStreamRig
 
 from hw_fakes import NOISE_ONLY, Tilt, Turntable
 from hw_fakes.faults.plan import parse
@@ -74,6 +76,17 @@ def oscillator_out_of_bounds() -> Rig:
     return struck(pll_error=0.09)
 
 
+def with_magnetometer(*, strength_ut: float = 49.0, unplugged: bool = False, seconds: float = 0.5) -> Rig:
+    rig = MagStreamRig("gy-87-hmc5883l", motion=lying(strength_ut)).start()
+    rig.run(0.5)
+    back = rig.unplug() if unplugged else None
+    rig.run(seconds)
+    if back:
+        back()
+        rig.run(3.0)
+    return rig
+
+
 def pipelined(rig: Rig) -> int:
     pipeline = build_pipeline(Settings())
     flags = 0
@@ -105,6 +118,8 @@ FLAGS: dict[str, Callable[[], Rig]] = {
     "IMPLAUSIBLE": lambda: struck("temperature by=30 for=0.3"),
     "STUCK": lambda: struck("frozen for=1"),
     "HEADING_SUSPECT": slowly_turned,
+    "FIELD_LOST": lambda: with_magnetometer(unplugged=True, seconds=1.5),
+    "FIELD_DISTURBED": lambda: with_magnetometer(strength_ut=400.0),
 }
 COUNTERS: dict[str, Callable[[], Rig]] = {
     "samples": lambda: struck(seconds=0.1),
@@ -130,6 +145,8 @@ COUNTERS: dict[str, Callable[[], Rig]] = {
     "slow_queries": lambda: struck("slow factor=20 for=0.3"),
     "rate_out_of_bounds": oscillator_out_of_bounds,
     "data_ready_missed": lambda: struck("int-lost for=0.5", wired=True),
+    "magnetometer_lost": lambda: with_magnetometer(unplugged=True, seconds=1.5),
+    "magnetometer_restarts": lambda: with_magnetometer(unplugged=True, seconds=1.5),
 }
 ELSEWHERE = {"records_damaged": "tests/recording/test_recording_damage.py"}
 

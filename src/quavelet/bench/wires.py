@@ -114,8 +114,8 @@ def speed(bus: I2CBus, *, settings: Settings, clock: Clock, set_hz: int | None) 
         if bus.name.startswith("fake:"):
             found += ", as a fake's do that is not on virtual time"
         return Finding(name=name, ok=True, found=found)
-    needed_hz = settings.chip.sample_rate_hz * BITS_PER_BYTE * r.FRAME_BYTES + settings.loop.rate_hz * LOOK_BITS
-    most = max(0.0, (LOAD * hz - settings.loop.rate_hz * LOOK_BITS) / (BITS_PER_BYTE * r.FRAME_BYTES))
+    needed_hz = settings.chip.sample_rate_hz * BITS_PER_BYTE * settings.frame_bytes + settings.loop.rate_hz * LOOK_BITS
+    most = max(0.0, (LOAD * hz - settings.loop.rate_hz * LOOK_BITS) / (BITS_PER_BYTE * settings.frame_bytes))
     found = f"{hz / 1000:.0f} kHz, {hz / BITS_PER_BYTE / 1000:.1f} kB/s"
     if set_hz:
         found += f", set to {set_hz / 1000:.0f} kHz"

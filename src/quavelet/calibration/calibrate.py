@@ -45,6 +45,7 @@ class Calibrate:
             temp_degc=temp_degc,
             gyro_bias_rad_s=offset,
             still=np.zeros(len(block), dtype=np.bool_),
+            field_ut=block.field_ut,
         )
 
     def state(self) -> None:

@@ -28,6 +28,8 @@ WORDS: dict[str, str] = {
     "slow_queries": "the FIFO was asked too slowly to time samples by, the host was busy",
     "rate_out_of_bounds": "a measured sample rate was outside what the chip can do, and not used",
     "data_ready_missed": "the data-ready line gave no pulses, and samples were timed by counts meanwhile",
+    "magnetometer_lost": "the magnetometer gave nothing, or not what it was told",
+    "magnetometer_restarts": "the magnetometer was set up again",
     "records_damaged": "a part of the recording could not be read",
 }
 

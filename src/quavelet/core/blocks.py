@@ -7,9 +7,9 @@ of a sample therefore stands in the sample's own row, and all else in the stage'
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
-from enum import IntFlag
-from typing import Self, TypeVar
+from dataclasses import dataclass, field, fields
+from enum import IntEnum, IntFlag
+from typing import Any, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ FloatArray = NDArray[np.float64]
 CountArray = NDArray[np.int16]
 BoolArray = NDArray[np.bool_]
 FlagArray = NDArray[np.uint32]
+OriginArray = NDArray[np.uint8]
 
 
 class Flag(IntFlag):
@@ -53,11 +54,26 @@ class Flag(IntFlag):
     away, which no six axes can tell apart. Until the board is still again heading may drift."""
     UNCALIBRATED_TEMPERATURE = 8192
     """The chip is warmer or colder than it was at any time of its calibration, which holds no longer."""
+    FIELD_LOST = 16384
+    """The magnetometer gives nothing, or not what it was told: heading is carried on by the gyroscope alone."""
+    FIELD_DISTURBED = 32768
+    """The magnetic field is not the Earth's here: heading is carried on by the gyroscope alone."""
 
     @classmethod
     def names(cls, value: int) -> list[str]:
         """Lower-case names of the bits set in `value`, lowest bit first."""
         return [str(flag.name).lower() for flag in cls if value & flag]
+
+
+class YawFrom(IntEnum):
+    """What yaw counts from. A message shows the name in lower case."""
+
+    RELATIVE = 0
+    """Wherever the board stood at the start; it drifts."""
+    MAGNETIC = 1
+    """Magnetic north along world y."""
+    TRUE = 2
+    """True north along world y."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -94,6 +110,23 @@ class Block:
         )  # fmt: skip
 
 
+_NO_FIELD = np.full((1, 3), np.nan)
+_RELATIVE = np.zeros(1, dtype=np.uint8)
+
+
+def _no_rows() -> NDArray[Any]:
+    return _NONE
+
+
+_NONE = np.zeros(0)
+
+
+def _fill(block: Block, name: str, row: NDArray[Any]) -> None:
+    """Where the block was made without this array, the same `row` for each sample, which takes no memory."""
+    if getattr(block, name) is _NONE:
+        object.__setattr__(block, name, np.broadcast_to(row[0], (len(block), *row.shape[1:])))
+
+
 @dataclass(frozen=True, slots=True)
 class Scale:
     """What one count means, from the range registers as read back from the chip."""
@@ -108,12 +141,19 @@ class Scale:
 class RawBlock(Block):
     """Counts as the chip gave them.
 
-    counts  (N, 7) int16  accelerometer x y z, temperature, gyroscope x y z (the order of the registers)
-    scale   what one count means
+    counts    (N, 7) int16  accelerometer x y z, temperature, gyroscope x y z (the order of the registers)
+    scale     what one count means
+    field_ut  (N, 3) float64  magnetic field in the body frame, not calibrated, uT; NaN in rows without a new
+              measurement. A block made without it has none.
     """
 
     counts: CountArray
     scale: Scale
+    field_ut: FloatArray = field(default_factory=_no_rows)
+
+    def __post_init__(self) -> None:
+        _fill(self, "field_ut", _NO_FIELD)
+        Block.__post_init__(self)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -125,6 +165,7 @@ class ImuBlock(Block):
     temp_degc        (N,)   die temperature
     gyro_bias_rad_s  (N, 3) the bias that was removed from the rate, beyond that of the calibration
     still            (N,)   the board stood still up to this sample
+    field_ut         (N, 3) magnetic field as in RawBlock
     """
 
     gyro_rad_s: FloatArray
@@ -132,6 +173,11 @@ class ImuBlock(Block):
     temp_degc: FloatArray
     gyro_bias_rad_s: FloatArray
     still: BoolArray
+    field_ut: FloatArray = field(default_factory=_no_rows)
+
+    def __post_init__(self) -> None:
+        _fill(self, "field_ut", _NO_FIELD)
+        Block.__post_init__(self)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -143,6 +189,7 @@ class AttitudeBlock(Block):
     gyro_rad_s, accel_m_s2, temp_degc, still  as in ImuBlock, of the same instant
     gyro_bias_rad_s  (N, 3) all that was taken off the rate: measured at rest, and the filter's integral
     delay_ns         how much older than the newest sample read the attitude is
+    yaw_from         (N,) uint8  what yaw counts from, a `YawFrom`; a block made without it is relative
     """
 
     q: FloatArray
@@ -153,6 +200,11 @@ class AttitudeBlock(Block):
     gyro_bias_rad_s: FloatArray
     still: BoolArray
     delay_ns: int = 0
+    yaw_from: OriginArray = field(default_factory=_no_rows)
+
+    def __post_init__(self) -> None:
+        _fill(self, "yaw_from", _RELATIVE)
+        Block.__post_init__(self)
 
 
 _ARRAY_FIELDS: dict[type[Block], tuple[str, ...]] = {}

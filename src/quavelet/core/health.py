@@ -58,6 +58,10 @@ class Health:
     """Fits of the sample rate outside what the chip's oscillator can do, not used."""
     data_ready_missed: int = 0
     """Times no pulse came from the data-ready line though samples did, and they were timed by counts."""
+    magnetometer_lost: int = 0
+    """Times the magnetometer gave nothing for long, or not what it was told."""
+    magnetometer_restarts: int = 0
+    """Times the magnetometer was set up anew while streaming."""
     records_damaged: int = 0
     """Records of a recording that could not be read."""
 

@@ -67,18 +67,20 @@ class RegisterAccess:
         """Bytes in the FIFO. Reading both halves at once latches them together (RM p. 43)."""
         return int.from_bytes(self.read_run(r.FIFO_COUNT, 2), "big")
 
-    def restart_fifo(self) -> None:
-        """Empty the FIFO and let it fill with 14-byte frames.
+    def restart_fifo(self, *, slaves: int = 0) -> None:
+        """Empty the FIFO and let it fill with frames of 14 bytes, and of what so many slaves of the chip's I2C master
+        read, which then goes on.
 
         The order matters: FIFO_RESET acts only while the FIFO is off (RM p. 38), and no sensor may write
         while it is emptied, or the first frame is a part of one.
         """
+        master = r.USER_I2C_MST_EN.mask if slaves else 0
         self.write(r.FIFO_EN, 0)
-        self.write(r.USER_CTRL, 0)
-        self.write(r.USER_CTRL, r.USER_FIFO_RESET.mask)
-        self.write(r.USER_CTRL, r.USER_FIFO_EN.mask)
+        self.write(r.USER_CTRL, master)
+        self.write(r.USER_CTRL, master | r.USER_FIFO_RESET.mask)
+        self.write(r.USER_CTRL, master | r.USER_FIFO_EN.mask)
         self.read(r.INT_STATUS)  # clears an overflow that belongs to what was thrown away
-        self.write(r.FIFO_EN, r.FIFO_SENSORS.encode(r.FIFO_ACCEL_TEMP_GYRO))
+        self.write(r.FIFO_EN, r.fifo_en(slaves))
 
     def stream_info(self) -> StreamInfo:
         """Ranges and rates as they stand in the chip."""

@@ -10,6 +10,8 @@ from quavelet.core.blocks import CountArray, Flag, FlagArray, RawBlock, Scale
 from quavelet.core.health import Health
 from quavelet.core.units import NS_PER_S
 from quavelet.mpu6050.drain import Drain, Loss, Verdict, judge
+from quavelet.mpu6050.magnetometer.field import FieldDecoder, FieldState
+from quavelet.mpu6050.magnetometer.fifo_frames import split_frames
 from quavelet.mpu6050.plausible import SAME_FRAMES, SAME_NS, first_implausible, same_as_before
 from quavelet.mpu6050.pulses import Pulses, PulseState
 from quavelet.mpu6050.registers import FRAME_BYTES
@@ -45,6 +47,7 @@ class DecoderState:
     alike        how many frames before it, one after the other, stood as it does on all six axes
     spikes       what the rule on samples that stand alone remembers
     pulses       which sample a pulse of the data-ready line belongs to
+    field        what is known of the magnetometer
     """
 
     timebase: TimeBaseState
@@ -57,6 +60,7 @@ class DecoderState:
     alike: int = 0
     spikes: SpikeState = SpikeState()
     pulses: PulseState = PulseState()
+    field: FieldState = FieldState()
 
 
 class Decoder:
@@ -70,16 +74,22 @@ class Decoder:
         self.must_restart = False
         self._scale = info.scale
         self._fifo_bytes = info.variant.fifo_bytes
+        self._frame_bytes = info.frame_bytes
         self._health = health
         self._timebase = TimeBase(nominal_period_s=info.nominal_period_s)
         self._pulses = Pulses(self._timebase, health=health)
         self._stuck_after = max(SAME_FRAMES, round(SAME_NS / self._timebase.nominal_ns))
         self._spikes = SpikeRule(spike_bounds(info), health=health)
+        self._field = FieldDecoder(info, health=health) if info.magnetometer else None
         self._s = DecoderState(timebase=self._timebase.state())
 
     def state(self) -> DecoderState:
         return replace(
-            self._s, timebase=self._timebase.state(), spikes=self._spikes.state(), pulses=self._pulses.state()
+            self._s,
+            timebase=self._timebase.state(),
+            spikes=self._spikes.state(),
+            pulses=self._pulses.state(),
+            field=self._field.state() if self._field else FieldState(),
         )
 
     def restore(self, state: DecoderState) -> None:
@@ -87,6 +97,8 @@ class Decoder:
         self._spikes.restore(state.spikes)
         self._timebase.restore(state.timebase)
         self._pulses.restore(state.pulses)
+        if self._field:
+            self._field.restore(state.field)
 
     @property
     def measured_rate_hz(self) -> float | None:
@@ -99,11 +111,16 @@ class Decoder:
         alike = self._s.alike
         return alike * self._timebase.period_s if alike >= self._stuck_after else 0.0
 
+    @property
+    def field_lost(self) -> bool:
+        """Whether there is a magnetometer and it gives nothing, or not what it was told."""
+        return self._field is not None and self._field.lost
+
     def verdict(self, drain: Drain) -> Verdict:
         """What this drain says about the FIFO."""
         if drain.loss:
             return Verdict.LOST
-        return judge(drain.int_status, drain.fifo_count, fifo_bytes=self._fifo_bytes)
+        return judge(drain.int_status, drain.fifo_count, fifo_bytes=self._fifo_bytes, frame_bytes=self._frame_bytes)
 
     def decode(self, drain: Drain) -> RawBlock:
         """The samples of this drain, timed and flagged."""
@@ -128,7 +145,7 @@ class Decoder:
             self._health.counts_surprising += 1
             self._throw_away(Flag.CHIP_UPSET)
             return empty_raw_block(self._scale)
-        counts = np.frombuffer(drain.data, dtype=">i2").reshape(-1, FRAME_BYTES // 2).astype(np.int16)
+        counts, external = split_frames(drain.data, external_bytes=self._frame_bytes - FRAME_BYTES)
         # After a gap the temperature has nothing to compare with: a chip with a wrong one would be stopped for ever.
         known = bool(self._s.last_frame) and not self._s.pending
         good = first_implausible(counts, temp_before=self._s.last_frame[3] if known else None)
@@ -138,6 +155,9 @@ class Decoder:
         if good < len(counts):
             self._health.frames_implausible += len(counts) - good
             self._throw_away(Flag.IMPLAUSIBLE)
+        if self._field and good:
+            field_ut, doubt = self._field.decode(external[:good])
+            block = replace(block, field_ut=field_ut, flags=block.flags | doubt)
         block = self._spikes.process(block)
         self._health.samples += len(block)
         return block
@@ -147,7 +167,7 @@ class Decoder:
         s, base = self._s, self._timebase
         if s.pending or s.doubtful or not base.started or base.is_slow(drain.before_ns, drain.after_ns):
             return False
-        return base.surprising(s.taken + drain.fifo_count // FRAME_BYTES, drain.before_ns, drain.after_ns)
+        return base.surprising(s.taken + drain.fifo_count // self._frame_bytes, drain.before_ns, drain.after_ns)
 
     def _throw_away(self, reason: Flag) -> None:
         self._health.fifo_resets += 1
@@ -166,7 +186,7 @@ class Decoder:
         vague = close or slow or not whole
         doubtful = vague and (s.doubtful or bool(s.pending))
         if base.started and (s.pending or (s.doubtful and not vague)):
-            waiting = drain.fifo_count // FRAME_BYTES
+            waiting = drain.fifo_count // self._frame_bytes
             missing = int(reckoned) - (taken + waiting)
             lost = max(0, missing) if s.pending else missing
             taken += lost

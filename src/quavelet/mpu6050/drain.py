@@ -66,12 +66,12 @@ class Verdict(Enum):
         return self not in (Verdict.FRAMES, Verdict.EMPTY)
 
 
-def judge(int_status: int, fifo_count: int, *, fifo_bytes: int) -> Verdict:
-    """The verdict on a FIFO that holds `fifo_count` bytes of 14-byte frames."""
+def judge(int_status: int, fifo_count: int, *, fifo_bytes: int, frame_bytes: int = FRAME_BYTES) -> Verdict:
+    """The verdict on a FIFO that holds `fifo_count` bytes of frames of `frame_bytes`."""
     if int_status & FIFO_OFLOW_INT.mask or fifo_count >= fifo_bytes:
         return Verdict.OVERFLOW
-    if fifo_count % FRAME_BYTES:
+    if fifo_count % frame_bytes:
         return Verdict.MISALIGNED
-    if fifo_count >= fifo_bytes - GUARD_FRAMES * FRAME_BYTES:
+    if fifo_count >= fifo_bytes - GUARD_FRAMES * frame_bytes:
         return Verdict.NEAR_FULL
     return Verdict.FRAMES if fifo_count else Verdict.EMPTY

@@ -6,6 +6,7 @@ RM-MPU-9250A-00 rev 1.6, of the MPU-6500's class.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 
@@ -71,9 +72,26 @@ class RegisterBits:
         """What the register must hold if it held `byte`."""
         return (byte & ~self.clear_bits & 0xFF) | self.set_bits
 
+    def and_also(self, other: RegisterBits) -> RegisterBits:
+        """Both rows of one register in one; where they differ `other` has its way."""
+        return RegisterBits(
+            self.register,
+            self.set_bits & ~other.clear_bits | other.set_bits,
+            self.clear_bits & ~other.set_bits | other.clear_bits,
+        )
+
     def holds(self, byte: int) -> bool:
         """Whether `byte` has all bits as asked."""
         return byte & (self.set_bits | self.clear_bits) == self.set_bits
+
+
+def joined(rows: Iterable[RegisterBits]) -> tuple[RegisterBits, ...]:
+    """One row for each register; where two of one register differ the later has its way."""
+    by_address: dict[int, RegisterBits] = {}
+    for row in rows:
+        before = by_address.get(row.register.address)
+        by_address[row.register.address] = before.and_also(row) if before else row
+    return tuple(by_address.values())
 
 
 _OFFSETS_FROM = "InvenSense's motion driver and i2cdevlib"
@@ -215,3 +233,8 @@ CLOCK_PLL_GYRO_X = 1
 FIFO_ACCEL_TEMP_GYRO = 0b11111
 """FIFO_SENSORS: accelerometer, temperature, gyroscope; frames of 14 bytes in the order of the registers."""
 FRAME_BYTES = 14
+
+
+def fifo_en(slaves: int = 0) -> int:
+    """FIFO_EN for frames of all sensors, and of so many slaves of the chip's I2C master, the first ones (RM p. 16)."""
+    return FIFO_SENSORS.encode(FIFO_ACCEL_TEMP_GYRO) | FIFO_SLAVES.encode((1 << slaves) - 1)

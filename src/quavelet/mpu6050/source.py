@@ -16,8 +16,9 @@ from quavelet.mpu6050.access import RegisterAccess
 from quavelet.mpu6050.config import ChipConfig
 from quavelet.mpu6050.decoder import Decoder, empty_raw_block
 from quavelet.mpu6050.drain import Drain, Loss, Verdict
+from quavelet.mpu6050.magnetometer.asked import MagnetometerParams
 from quavelet.mpu6050.offset_plan import OffsetPlan
-from quavelet.mpu6050.registers import FIFO_OFLOW_INT, FRAME_BYTES, INT_STATUS
+from quavelet.mpu6050.registers import FIFO_OFLOW_INT, INT_STATUS
 from quavelet.mpu6050.startup import StartUp, Step
 from quavelet.mpu6050.stream import StreamInfo, scale_for
 from quavelet.mpu6050.timebase import BOUND
@@ -63,6 +64,7 @@ class ChipSource:
         accept_id: int = 0,
         offsets: OffsetPlan | None = None,
         line: DataReady | None = None,
+        magnetometer: MagnetometerParams | None = None,
         on_stream: Callable[[StreamInfo], None] | None = None,
         on_drain: Callable[[Drain], None] | None = None,
     ) -> None:
@@ -82,6 +84,7 @@ class ChipSource:
             accept_id=accept_id,
             offsets=offsets,
             data_ready=line is not None,
+            magnetometer=magnetometer,
         )
         self._watch: RegisterWatch | None = None
         self.decoder: Decoder | None = None
@@ -142,7 +145,12 @@ class ChipSource:
         info, now_ns = self._start_up.info, self._clock.now_ns()
         assert info is not None, "a chip that streams is known"
         self._watch = RegisterWatch(
-            self._chip, self._start_up.table, who_am_i=info.who_am_i, since_ns=now_ns, health=self._health
+            self._chip,
+            self._start_up.table,
+            who_am_i=info.who_am_i,
+            since_ns=now_ns,
+            health=self._health,
+            slaves=info.slaves,
         )
         self._fed_ns, self._failures, self._restart_due = now_ns, 0, False
         self._asked_why = self._starved_once = False
@@ -169,13 +177,14 @@ class ChipSource:
         assert self.decoder is not None and self._watch is not None, "made by _begin_stream"
         chip, clock, decoder = self._chip, self._clock, self.decoder
         if self._restart_due:
-            chip.restart_fifo()
+            chip.restart_fifo(slaves=decoder.info.slaves)
             self._restart_due = False
         if self._watch.due(clock.now_ns()) or self._check_due:
             finding = self._watch.check_all() if self._check_due else self._watch.check_some(clock.now_ns())
             self._check_due = False
             if finding is not Finding.GOOD:
                 return self._mend(finding)
+        self._start_up.magnetometer.tend(lost=decoder.field_lost)
         status = chip.read(INT_STATUS)
         before, count, after = self._counted()
         drain = self._new_drain(before, after, status, count)
@@ -191,7 +200,8 @@ class ChipSource:
 
     def _with_frames(self, drain: Drain) -> Drain:
         # One transaction for all frames: whole ones only, since the count is a multiple of a frame.
-        assert drain.fifo_count % FRAME_BYTES == 0
+        assert self.info is not None, "a chip that streams is known"
+        assert drain.fifo_count % self.info.frame_bytes == 0
         try:
             data = self._chip.read_fifo(drain.fifo_count)
             status = drain.int_status | self._overflow_since(drain)
@@ -209,7 +219,7 @@ class ChipSource:
         room = self.info.variant.fifo_bytes - drain.fifo_count
         shortest_ns = self.info.nominal_period_s * NS_PER_S * (1.0 - BOUND)
         new = 1 + (self._clock.now_ns() - drain.before_ns) / shortest_ns
-        return self._chip.read(INT_STATUS) if new * FRAME_BYTES >= room else 0
+        return self._chip.read(INT_STATUS) if new * self.info.frame_bytes >= room else 0
 
     def _counted(self) -> tuple[int, int, int]:
         before = self._clock.now_ns()
@@ -277,7 +287,7 @@ class ChipSource:
             self._fed_ns = drain.after_ns
         self._restart_due = self._check_due = True
         try:
-            self._chip.restart_fifo()
+            self._chip.restart_fifo(slaves=self.decoder.info.slaves)
             self._restart_due = False
         except BusError as error:
             self._fail(error)

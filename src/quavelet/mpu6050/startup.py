@@ -1,7 +1,9 @@
 """From whatever state to a running FIFO: a state machine that never sleeps in the middle of its work.
 
-    PROBE -> RESET -> WAIT_RESET -> WAKE -> CONFIGURE -> START -> STREAM
-               ^___________|___________________|  (after 1 s without success)
+    PROBE -> RESET -> WAIT_RESET -> WAKE -> CONFIGURE -> MAGNETOMETER -> START -> STREAM
+               ^___________|___________________|______________|  (after 1 s without success)
+
+MAGNETOMETER is there only where one is to be used, and it alone sleeps, for 20 ms.
 
 The waits are those of the data sheet and of the drivers people trust; each stands beside its reason.
 """
@@ -21,8 +23,11 @@ from quavelet.mpu6050 import registers as r
 from quavelet.mpu6050.access import RegisterAccess
 from quavelet.mpu6050.config import ChipConfig, configuration_table
 from quavelet.mpu6050.half_scale import is_half_scale
+from quavelet.mpu6050.magnetometer.asked import MagnetometerParams
+from quavelet.mpu6050.magnetometer.streamed import StreamedMagnetometer
 from quavelet.mpu6050.offset_plan import OffsetPlan
 from quavelet.mpu6050.offsets import check_factory
+from quavelet.mpu6050.registers import joined
 from quavelet.mpu6050.stream import StreamInfo
 from quavelet.mpu6050.variants import LINE_STUCK, MPU6050, VARIANTS, Variant, identify
 
@@ -54,6 +59,7 @@ class Step(Enum):
     WAIT_RESET = "waiting for the reset to end"
     WAKE = "waking the chip"
     CONFIGURE = "writing the configuration and reading it back"
+    MAGNETOMETER = "setting the magnetometer up"
     START = "reading the configuration back once more and starting the FIFO"
     STREAM = "streaming"
 
@@ -65,6 +71,7 @@ class StartUp:
     due_ns    when
     variant   which chip it is, once it is known
     table     what is written to its registers
+    magnetometer   what is there beside the chip itself
     info      the chip as configured, None until it streams
     reason    what the last step found wrong
     """
@@ -79,6 +86,7 @@ class StartUp:
         accept_id: int = 0,
         offsets: OffsetPlan | None = None,
         data_ready: bool = False,
+        magnetometer: MagnetometerParams | None = None,
     ) -> None:
         """accept_id is that of `identify`; offsets are written after every reset; data_ready: the INT pin is used."""
         self.step = Step.PROBE
@@ -87,6 +95,11 @@ class StartUp:
         self.table = configuration_table(config, variant=MPU6050)
         self.info: StreamInfo | None = None
         self.reason: BusError | str = ""
+        self.magnetometer = StreamedMagnetometer(
+            chip, magnetometer or MagnetometerParams(), clock=clock, health=health, accept_id=accept_id
+        )
+        self._uses_magnetometer = magnetometer is not None and magnetometer.used
+        self._configuration = self.table
         self._chip = chip
         self._config = config
         self._accept_id = accept_id
@@ -100,6 +113,7 @@ class StartUp:
             Step.WAIT_RESET: self._wait_reset,
             Step.WAKE: self._wake,
             Step.CONFIGURE: self._configure,
+            Step.MAGNETOMETER: self._set_up_magnetometer,
             Step.START: self._start,
         }
         self._differing = 0
@@ -168,7 +182,7 @@ class StartUp:
             self.variant = identify(
                 who_am_i, bus=self._chip.bus.name, address=self._chip.address, accept_id=self._accept_id
             )
-            self.table = configuration_table(
+            self._configuration = configuration_table(
                 self._config, variant=self.variant, offsets=self._offsets, data_ready=self._data_ready
             )
             if self.variant.remark:
@@ -219,10 +233,25 @@ class StartUp:
         self._go(Step.CONFIGURE, PLL_WAIT_NS)
 
     def _configure(self) -> None:
+        self.table = self._configuration
         for row in self.table:
             self._chip.apply(row)
-        if self._holds():
+        if not self._holds():
+            return
+        if self._uses_magnetometer:
+            self._go(Step.MAGNETOMETER, 0)
+        else:
             self._go(Step.START, SETTLE_WAIT_NS)
+
+    def _set_up_magnetometer(self) -> None:
+        try:
+            self.magnetometer.set_up()
+        except ChipUnstable as error:
+            self.step = Step.CONFIGURE
+            self._again(RETRY_NS, str(error))
+            return
+        self.table = joined((*self._configuration, *self.magnetometer.table))
+        self._go(Step.START, SETTLE_WAIT_NS)
 
     def _holds(self) -> bool:
         """Whether the configuration reads back as written; where it does not, it is written anew later."""
@@ -259,8 +288,9 @@ class StartUp:
             accepted=self.variant.who_am_i not in VARIANTS,
             accel_half_scale=half_scale,
             data_ready=self._data_ready,
+            magnetometer=self.magnetometer.stream,
         )
-        self._chip.restart_fifo()
+        self._chip.restart_fifo(slaves=info.slaves)
         self.info = info
         self._tries = 0
         self._go(Step.STREAM, 0)

@@ -8,7 +8,29 @@ from quavelet.core.blocks import Scale
 from quavelet.core.units import RAD_PER_DEG, STANDARD_GRAVITY_M_S2
 from quavelet.mpu6050 import registers as r
 from quavelet.mpu6050.config import ACCEL_LSB_PER_G, GYRO_LSB_PER_DPS, gyro_output_rate_hz
+from quavelet.mpu6050.magnetometer.plan import AS_THE_CHIP, Matrix
 from quavelet.mpu6050.variants import Variant, identify
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MagnetometerStream:
+    """A magnetometer whose bytes stand in each frame of the FIFO, behind the sensors' words.
+
+    kind            its name in `KINDS`
+    rate_hz, range_ut   as in `MagnetometerConfig`
+    external_bytes  how many of a frame's bytes are its own
+    slaves          of the chip's I2C master that read them
+    to_body         rotation from its axes to the chip's
+    adjustment      the factory's ASAX, ASAY, ASAZ of AKM's chips
+    """
+
+    kind: str
+    rate_hz: float
+    range_ut: float
+    external_bytes: int
+    slaves: int
+    to_body: Matrix = AS_THE_CHIP
+    adjustment: tuple[int, int, int] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,6 +43,7 @@ class StreamInfo:
     accepted           who_am_i is unknown, and is driven all the same because its owner asked for it
     accel_half_scale   early silicon, which gives half the counts per g
     data_ready         its INT pin gives a pulse with each sample, and a line at it is listened to
+    magnetometer       what it adds to each frame, None where there is none
     """
 
     src: str
@@ -33,6 +56,17 @@ class StreamInfo:
     accepted: bool = False
     accel_half_scale: bool = False
     data_ready: bool = False
+    magnetometer: MagnetometerStream | None = None
+
+    @property
+    def frame_bytes(self) -> int:
+        """Bytes of one frame of the FIFO."""
+        return r.FRAME_BYTES + (self.magnetometer.external_bytes if self.magnetometer else 0)
+
+    @property
+    def slaves(self) -> int:
+        """Slaves of the chip's I2C master whose bytes stand in the frames."""
+        return self.magnetometer.slaves if self.magnetometer else 0
 
     @property
     def variant(self) -> Variant:

@@ -35,19 +35,26 @@ class RegisterWatch:
     """Compares the registers with what was written. Every method raises BusError."""
 
     def __init__(
-        self, chip: RegisterAccess, table: Iterable[RegisterBits], *, who_am_i: int, since_ns: int, health: Health
+        self,
+        chip: RegisterAccess,
+        table: Iterable[RegisterBits],
+        *,
+        who_am_i: int,
+        since_ns: int,
+        health: Health,
+        slaves: int = 0,
     ) -> None:
-        """`table` is the configuration, which held at `since_ns`; the running FIFO is added to it."""
+        """`table` is the configuration, which held at `since_ns`; the running FIFO, with the bytes of so many `slaves`,
+        is added to it."""
         self._chip = chip
         self._health = health
-        rows = {row.register.address: row for row in table}
-        for row in (
-            RegisterBits(r.USER_CTRL, r.USER_FIFO_EN.mask, r.USER_DMP_EN.mask | r.USER_I2C_MST_EN.mask),
-            RegisterBits(r.FIFO_EN, r.FIFO_SENSORS.encode(r.FIFO_ACCEL_TEMP_GYRO), r.FIFO_SLAVES.mask),
+        frames = r.fifo_en(slaves)
+        running = (
+            RegisterBits(r.USER_CTRL, r.USER_FIFO_EN.mask, 0),
+            RegisterBits(r.FIFO_EN, frames, ~frames & 0xFF),
             RegisterBits(r.WHO_AM_I, who_am_i, ~who_am_i & 0xFF),
-        ):
-            rows[row.register.address] = row
-        runs = _runs(rows.values())
+        )
+        runs = _runs(r.joined((*table, *running)))
         self._first = [run for run in runs if run[0].register.address in _FIRST]
         self._others = [run for run in runs if run[0].register.address not in _FIRST]
         self._turn = 0

@@ -82,6 +82,7 @@ def plan_ak8963(config: MagnetometerConfig, adjustment: tuple[int, int, int] | N
         (Run(ST1, 8),),
         _decode_ak8963,
         _adjusted(0.15, adjustment),  # DS 8.3.4, table 8.3
+        adjustment=adjustment,
     )
 
 
@@ -99,6 +100,7 @@ def plan_ak8975(config: MagnetometerConfig, adjustment: tuple[int, int, int] | N
         _adjusted(0.3, adjustment),
         Write(CNTL, SINGLE),
         _MEASURING_NS,
+        adjustment,
     )
 
 

@@ -14,8 +14,7 @@ ByteArray = NDArray[np.uint8]
 
 def fifo_en(plan: Plan) -> int:
     """FIFO_EN for frames of all sensors and the magnetometer (RM p. 16); the slaves that read are the first ones."""
-    slaves = (1 << len(plan.runs)) - 1
-    return r.FIFO_SENSORS.encode(r.FIFO_ACCEL_TEMP_GYRO) | r.FIFO_SLAVES.encode(slaves)
+    return r.fifo_en(len(plan.runs))
 
 
 def fifo_frame_bytes(plan: Plan | None) -> int:

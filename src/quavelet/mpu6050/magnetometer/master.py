@@ -81,19 +81,12 @@ class MasterReader:
         chip.apply(RegisterBits(aux.SLV4_CTRL, 0, aux.SLV_EN))
         # A master switched off in mid-transfer would leave the magnetometer holding the line.
         self._clock.sleep_until_ns(self._clock.now_ns() + _TRANSFER_NS)
-        aux.open_bypass(chip)
-        plan = prepared(self._target, self._found, self._config, clock=self._clock)
-        aux.close_bypass(chip)
-        table = master_table(plan, sample_period_s=period_s)
-        # The places in EXT_SENS_DATA are given anew by this, and only while the master is off (RM p. 32, 38).
-        chip.write(r.USER_CTRL, chip.read(r.USER_CTRL) & aux.USER_KEPT | aux.USER_I2C_MST_RESET.mask)
-        for row in table:
-            chip.apply(row)
-        wrong = [row.register.name for row in table if not row.holds(chip.read(row.register))]
-        if wrong:
-            raise ChipUnstable(f"{', '.join(wrong)} did not read back as written: set the magnetometer up anew")
-        chip.read(aux.I2C_MST_STATUS)  # clears what was not acknowledged before
-        self.table, self._plan = table, plan
+        try:
+            aux.open_bypass(chip)
+            plan = prepared(self._target, self._found, self._config, clock=self._clock)
+        finally:
+            aux.close_bypass(chip)
+        self.table, self._plan = switch_on(chip, plan, sample_period_s=period_s), plan
         self._sampler = Sampler(
             plan,
             to_body=self._config.to_body or self._found.to_body,
@@ -134,6 +127,24 @@ class MasterReader:
                 address=plan.address,
                 register=aux.I2C_MST_STATUS.address,
             )
+
+
+def switch_on(chip: RegisterAccess, plan: Plan, *, sample_period_s: float) -> tuple[RegisterBits, ...]:
+    """Let the chip's master fetch what the plan says; the rows that were written for it.
+
+    Raises BusError, SettingsError, and ChipUnstable where the chip does not hold what is written.
+    """
+    table = master_table(plan, sample_period_s=sample_period_s)
+    # The places in EXT_SENS_DATA are given anew by this, and only while the master is off (RM p. 32, 38).
+    off = chip.read(r.USER_CTRL) & aux.USER_KEPT & ~r.USER_I2C_MST_EN.mask
+    chip.write(r.USER_CTRL, off | aux.USER_I2C_MST_RESET.mask)
+    for row in table:
+        chip.apply(row)
+    wrong = [row.register.name for row in table if not row.holds(chip.read(row.register))]
+    if wrong:
+        raise ChipUnstable(f"{', '.join(wrong)} did not read back as written: set the magnetometer up anew")
+    chip.read(aux.I2C_MST_STATUS)  # clears what was not acknowledged before
+    return table
 
 
 def fetch_every(plan: Plan, *, sample_period_s: float) -> int:
@@ -180,7 +191,8 @@ def master_table(plan: Plan, *, sample_period_s: float) -> tuple[RegisterBits, .
         slaves += 1
     every = fetch_every(plan, sample_period_s=sample_period_s)
     rows += [
-        _row(aux.SLV4_CTRL, aux.I2C_MST_DLY.encode(every - 1)),
+        # Its switch is left out: a single write by slave 4 sets it, and it falls back by itself.
+        _row(aux.SLV4_CTRL, aux.I2C_MST_DLY.encode(every - 1), aux.I2C_MST_DLY.mask),
         _row(aux.I2C_MST_DELAY_CTRL, aux.DELAY_ES_SHADOW.mask | ((1 << slaves) - 1)),
     ]
     lengths = [run.n for run in plan.runs] + [1] * (plan.trigger is not None)

@@ -85,6 +85,7 @@ class Plan:
     trigger       begins one measurement; None where the chip goes on by itself
     measuring_ns  what a triggered measurement takes at most
     ut_per_lsb    uT a count, by axis of the chip, the factory's adjustment in it
+    adjustment    that adjustment, where this kind of chip has one
     """
 
     name: str
@@ -96,6 +97,7 @@ class Plan:
     ut_per_lsb: Triple
     trigger: Write | None = None
     measuring_ns: int = 0
+    adjustment: tuple[int, int, int] | None = None
 
     @property
     def block_bytes(self) -> int:
