@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass, replace
 
 from quavelet.attitude.doubt import Residual
+from quavelet.attitude.heading import Heading, HeadingState
 from quavelet.attitude.params import FilterState
 from quavelet.calibration.calibrate import Calibrate
 from quavelet.calibration.model import UNCALIBRATED, ImuCalibration
@@ -15,6 +17,8 @@ from quavelet.core.units import RAD_PER_DEG, STANDARD_GRAVITY_M_S2
 from quavelet.denoise.stage import Denoise, DenoiseState
 from quavelet.settings import Settings
 
+log = logging.getLogger(__name__)
+
 
 @dataclass(frozen=True, slots=True)
 class PipelineState:
@@ -23,10 +27,12 @@ class PipelineState:
     still_bias: StillBiasState
     denoise: DenoiseState | None
     filter: FilterState
+    heading: HeadingState | None
 
 
 class Pipeline:
-    """`RawBlock` to `AttitudeBlock`: calibrate, take the bias at rest, denoise if asked to, filter. A `Stage` itself.
+    """`RawBlock` to `AttitudeBlock`: calibrate, take the bias at rest, denoise if asked to, filter, and turn to
+    north where there is a magnetometer. A `Stage` itself.
 
     Denoising makes it late: samples come out `delay_ns` after they went in, and fewer of them at first.
     """
@@ -37,27 +43,35 @@ class Pipeline:
         still_bias: StillBias,
         denoise: Denoise | None,
         attitude: AttitudeFilter[FilterState],
+        heading: Heading | None,
     ) -> None:
         self._calibrate = calibrate
         self._still_bias = still_bias
         self._denoise = denoise
         self._attitude = attitude
+        self._heading = heading
 
     def process(self, block: RawBlock) -> AttitudeBlock:
         samples = self._still_bias.process(self._calibrate.process(block))
-        if self._denoise is None:
-            return self._attitude.process(samples)
-        return replace(self._attitude.process(self._denoise.process(samples)), delay_ns=self._denoise.delay_ns)
+        if self._denoise is not None:
+            samples = self._denoise.process(samples)
+        attitude = self._attitude.process(samples)
+        if self._heading is not None:
+            attitude = self._heading.process(attitude, samples.field_ut)
+        return replace(attitude, delay_ns=self._denoise.delay_ns) if self._denoise is not None else attitude
 
     def state(self) -> PipelineState:
         denoise = self._denoise.state() if self._denoise else None
-        return PipelineState(self._still_bias.state(), denoise, self._attitude.state())
+        heading = self._heading.state() if self._heading else None
+        return PipelineState(self._still_bias.state(), denoise, self._attitude.state(), heading)
 
     def restore(self, state: PipelineState) -> None:
         self._still_bias.restore(state.still_bias)
         if self._denoise is not None and state.denoise is not None:
             self._denoise.restore(state.denoise)
         self._attitude.restore(state.filter)
+        if self._heading is not None and state.heading is not None:
+            self._heading.restore(state.heading)
 
 
 def build_pipeline(settings: Settings, *, calibration: ImuCalibration = UNCALIBRATED) -> Pipeline:
@@ -77,4 +91,14 @@ def build_pipeline(settings: Settings, *, calibration: ImuCalibration = UNCALIBR
         StillBias(window_s=settings.start.still_s, refine=calibration.knows_bias),
         Denoise(row_filter, sample_rate_hz=settings.chip.sample_rate_hz) if row_filter else None,
         settings.filter.build(residual=residual),
+        _heading(settings, residual),
     )
+
+
+def _heading(settings: Settings, residual: Residual) -> Heading | None:
+    if not settings.magnetometer.used:
+        return None
+    if not settings.heading.calibrated:
+        log.warning("the magnetometer is not calibrated, and yaw stays relative: give heading.hard_iron_ut")
+        return None
+    return Heading(settings.heading, residual=residual)

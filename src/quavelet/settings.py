@@ -11,6 +11,7 @@ from typing import cast
 
 import msgspec
 
+from quavelet.attitude.heading import HeadingParams
 from quavelet.attitude.params import FilterParams
 from quavelet.core.errors import SettingsError
 from quavelet.denoise.params import DenoiseParams
@@ -106,6 +107,7 @@ class Settings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     start: StartSettings = StartSettings()
     denoise: DenoiseParams = DenoiseParams()
     filter: FilterParams = FilterParams()
+    heading: HeadingParams = HeadingParams()
     loop: LoopSettings = LoopSettings()
 
     @property

@@ -15,14 +15,16 @@ from quavelet.attitude.doubt import Residual
 from quavelet.attitude.fusion import FusionFilter
 from quavelet.attitude.fusion_literal import LiteralFusionFilter, LiteralParams
 from quavelet.attitude.fusion_params import FusionParams
+from quavelet.attitude.heading import HeadingParams
 from quavelet.attitude.params import FilterParams
 from quavelet.attitude.pid import PidFilter, PidParams
 from quavelet.calibration.calibrate import Calibrate
 from quavelet.calibration.model import BiasCurve, ImuCalibration
 from quavelet.calibration.still_bias import StillBias
-from quavelet.core.blocks import Flag, ImuBlock, RawBlock, Scale, array_fields, concat
+from quavelet.core.blocks import Flag, FloatArray, ImuBlock, RawBlock, Scale, YawFrom, array_fields, concat
 from quavelet.denoise.params import DenoiseParams
 from quavelet.denoise.stage import Denoise
+from quavelet.mpu6050.magnetometer.asked import MagnetometerParams
 from quavelet.pipeline import build_pipeline
 from quavelet.settings import Settings, StartSettings
 
@@ -67,7 +69,16 @@ def raw_block(seed: int, n: int) -> RawBlock:
         flags=np.where(gap, int(Flag.GAP | Flag.OVERFLOW), 0).astype(np.uint32),
         counts=counts,
         scale=SCALE,
+        field_ut=field_of(rng, n),
     )
+
+
+def field_of(rng: np.random.Generator, n: int) -> FloatArray:
+    """Every second row a measurement, some of them beside a magnet."""
+    field_ut = np.array([20.0, 5.0, -44.0]) + rng.normal(0.0, 0.3, (n, 3))
+    field_ut[(np.arange(n) // 50) % 6 == 5] += [25.0, 0.0, 10.0]
+    field_ut[1::2] = np.nan
+    return field_ut
 
 
 def imu_block(seed: int, n: int, *, bias_unknown: bool = True) -> ImuBlock:
@@ -90,6 +101,12 @@ def denoised(**params):
 
 
 QUICK = Settings(start=StartSettings(still_s=0.5), filter=FilterParams(kind="pid", kp=1.0, ki=0.1, kd=0.3))
+NORTH = Settings(
+    magnetometer=MagnetometerParams(use="auto"),
+    start=StartSettings(gyro_bias_dps=(4.6, 4.6, 4.6)),
+    filter=FilterParams(kind="pid", kp=10.0),
+    heading=HeadingParams(hard_iron_ut=(1.0, -2.0, 0.5), declination_deg=3.0, tau_s=0.5),
+)
 
 
 def replace_denoise(settings: Settings, **params) -> Settings:
@@ -133,6 +150,7 @@ STAGES = {
     "velocity": (levelled_block, lambda: FilterParams(kind="velocity", tau_s=2.0).build(residual=RESIDUAL)),
     "gyro": (levelled_block, lambda: FilterParams(kind="gyro").build(residual=RESIDUAL)),
     "accelerometer": (levelled_block, lambda: FilterParams(kind="accelerometer").build(residual=RESIDUAL)),
+    "the whole pipeline with heading": (raw_block, lambda: build_pipeline(NORTH, calibration=TILTED)),
     "the whole pipeline": (raw_block, lambda: build_pipeline(QUICK, calibration=TILTED)),
     "the whole pipeline, calibrated over temperature": (raw_block, lambda: build_pipeline(QUICK, calibration=WARM)),
     "the pipeline as it is by default": (raw_block, lambda: build_pipeline(Settings(), calibration=TILTED)),
@@ -195,3 +213,13 @@ def test_the_law_is_tested_where_it_matters():
         assert not set_rows.all(), flag
     assert out.still.any()
     assert not out.still.all()
+
+
+def test_heading_is_found_and_withheld_within_the_blocks_of_the_law():
+    flags, origins = 0, set[int]()
+    for seed in range(5):
+        out = build_pipeline(NORTH, calibration=TILTED).process(raw_block(seed, 400))
+        flags |= int(np.bitwise_or.reduce(out.flags[out.yaw_from == YawFrom.TRUE], initial=0))
+        origins |= set(out.yaw_from.tolist())
+    assert origins == {YawFrom.RELATIVE, YawFrom.TRUE}
+    assert flags & Flag.FIELD_DISTURBED

@@ -7,12 +7,14 @@ from typing import Literal
 import msgspec
 import numpy as np
 
-from quavelet.core.blocks import AttitudeBlock, Flag
+from quavelet.core.blocks import AttitudeBlock, Flag, YawFrom
 from quavelet.core.euler import to_euler
 from quavelet.core.units import DEG_PER_RAD
 
 Three = tuple[float, float, float]
 Four = tuple[float, float, float, float]
+Yaw = Literal["relative", "magnetic", "true"]
+_YAW: dict[YawFrom, Yaw] = {YawFrom.RELATIVE: "relative", YawFrom.MAGNETIC: "magnetic", YawFrom.TRUE: "true"}
 
 
 class Message(msgspec.Struct, frozen=True, kw_only=True):
@@ -21,7 +23,8 @@ class Message(msgspec.Struct, frozen=True, kw_only=True):
     t_ns             when the sample was taken, ns of CLOCK_MONOTONIC
     q                body to world quaternion w x y z, world z up
     roll_deg         about x; pitch_deg about y; yaw_deg about z, counter-clockwise from above
-    yaw              "relative": counts from the start and drifts; "magnetic" or "true": a heading
+    yaw              "relative": counts from the start and drifts; "magnetic" or "true": from where world y points to
+                     north. It may change from the one to the other, and yaw jumps then
     sigma_deg        one sigma about world x, y, z
     gyro_rad_s       rate, bias removed; accel_m_s2 specific force, +g up at rest
     temp_degc        of the chip
@@ -39,7 +42,7 @@ class Message(msgspec.Struct, frozen=True, kw_only=True):
     roll_deg: float
     pitch_deg: float
     yaw_deg: float
-    yaw: Literal["relative", "magnetic", "true"] = "relative"
+    yaw: Yaw = "relative"
     sigma_deg: Three
     gyro_rad_s: Three
     accel_m_s2: Three
@@ -61,6 +64,7 @@ def message_of(block: AttitudeBlock, *, src: str) -> Message:
         roll_deg=angles[0],
         pitch_deg=angles[1],
         yaw_deg=angles[2],
+        yaw=_YAW[YawFrom(int(block.yaw_from[-1]))],
         sigma_deg=_three(DEG_PER_RAD * block.sigma_rad[-1], 4),
         gyro_rad_s=_three(block.gyro_rad_s[-1], 6),
         accel_m_s2=_three(block.accel_m_s2[-1], 5),
