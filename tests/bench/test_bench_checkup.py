@@ -32,7 +32,17 @@ from quavelet.mpu6050.config import ChipConfig
 from quavelet.settings import BusSettings, Settings
 
 POINTS = [
-    *("bus", "who answers", "WHO_AM_I", "wire speed", "registers", "chip", "sample rate", "no sample lost"),
+    *(
+        "bus",
+        "who answers",
+        "WHO_AM_I",
+        "wire speed",
+        "registers",
+        "magnetometer",
+        "chip",
+        "sample rate",
+        "no sample lost",
+    ),
     *("board still", "axes alive", "gyroscope noise", "accelerometer noise", "gyroscope bias", "gravity"),
     *("temperature", "self-test", "FIFO"),
 ]

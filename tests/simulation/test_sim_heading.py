@@ -98,7 +98,7 @@ def test_magnet_beside_the_table_steers_the_heading():
     assert not disturbed[(t_s < 7.0) | (t_s > 13.0)].any()
 
 
-def test_chip_and_magnetometer_lose_their_supply_and_the_heading_is_lost_with_them(caplog):
+def test_chip_that_lost_its_setting_takes_the_heading_with_it(caplog):
     caplog.set_level(logging.CRITICAL)
     ran = session("mpu-9250", fault="brown-out at=14.0", seconds=16.0, turn_deg=360.0)
     t_s = ran.world_s()

@@ -7,7 +7,7 @@ from contextlib import nullcontext
 
 import numpy as np
 
-from quavelet.bench import fifo, int_line, wires
+from quavelet.bench import beside, fifo, int_line, wires
 from quavelet.bench.finding import Finding
 from quavelet.bench.host import Host
 from quavelet.bench.reach import Reach
@@ -95,6 +95,8 @@ class CheckUp:
             yield wires.speed(bus, settings=self._settings, clock=self._clock, set_hz=self._reach.set_hz)
             yield wires.registers_hold(bus, address=self._address, clock=self._clock)
             yield from self._with_line(bus)
+            yield beside.magnetometer(bus, settings=self._settings, clock=self._clock)
+            yield from self._running(bus)
         except ImuError as error:
             # It answered a moment ago: to the person before it, it is lost.
             self.error = DeviceLost(str(error)) if isinstance(error, BusError) else error
