@@ -25,7 +25,7 @@ def looked(name: str, *, use: str = "no", outside: bool = False) -> Finding:
     bought = board(name)
     aux = bought.aux_master(clock, Still())
     chip = FakeMpu6050(clock, personality=bought.personality, aux=aux, **QUIET)
-    there = aux.targets if outside else aux.outside(chip.registers)
+    there = aux.targets if outside else aux.outside()
     before = [chip.registers[register] for register in (0x37, 0x6A, 0x6B)]
     bus = FakeBus({0x68: chip, **there}, clock=clock)
     finding = magnetometer(bus, settings=Settings(magnetometer=MagnetometerParams(use=use)), clock=clock)

@@ -63,7 +63,7 @@ class MagRig:
             aux=self.aux,
             pll_error=0.0,
         )
-        self.bus = FakeBus({ADDRESS: self.chip, **self.aux.outside(self.chip.registers)}, clock=self.clock)
+        self.bus = FakeBus({ADDRESS: self.chip, **self.aux.outside()}, clock=self.clock)
         self.health = Health()
         self.access = RegisterAccess(self.bus, address=ADDRESS, clock=self.clock, health=self.health)
         self.rate_hz = rate_hz

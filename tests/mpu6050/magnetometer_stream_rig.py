@@ -50,7 +50,7 @@ class MagStreamRig(Rig):
             **({"motion": self.motion, "imperfections": NOISE_ONLY} if moves else {"source": self.samples}),
         )
         self.fake_bus = FakeBus(
-            {ADDRESS: self.chip, **self.aux.outside(self.chip.registers)}, clock=self.clock, speed_hz=speed_hz
+            {ADDRESS: self.chip, **self.aux.outside()}, clock=self.clock, speed_hz=speed_hz
         )
         self.bus = WatchedBus(self.fake_bus)
         self.health = Health()

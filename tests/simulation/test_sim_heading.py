@@ -55,7 +55,7 @@ def session(name: str, *, seconds: float = 14.0, fault: str = "", calibrated: bo
     chip = FakeMpu6050(
         clock, motion=moves, imperfections=NOISE_ONLY, personality=bought.personality, aux=aux, pll_error=-0.006
     )
-    bus = FakeBus({0x68: chip, **aux.outside(chip.registers)}, clock=clock)
+    bus = FakeBus({0x68: chip, **aux.outside()}, clock=clock)
     if fault:
         bus.adapter.faults.add(parse(fault))
     settings = Settings(
