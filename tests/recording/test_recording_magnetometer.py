@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from dataclasses import replace
 
 import msgspec
 import numpy as np
@@ -12,9 +13,10 @@ from magnetometer_stream_rig import MagStreamRig
 from recorded import INFO, assert_identical, drains, record
 
 from hw_fakes.faults.plan import parse
+from quavelet.core.errors import RecordingError
 from quavelet.core.health import Health
 from quavelet.mpu6050.magnetometer.asked import MagnetometerParams
-from quavelet.mpu6050.stream import StreamInfo
+from quavelet.mpu6050.stream import MagnetometerStream, StreamInfo
 from quavelet.recording.reader import RecordingReader
 from quavelet.recording.replay import ReplaySource
 
@@ -40,6 +42,18 @@ def test_field_of_the_replay_is_another(name, tmp_path, caplog):
     assert replay.read() is None
     assert np.isfinite(rig.got.field_ut).any()
     assert health.magnetometer_lost == rig.health.magnetometer_lost == 1
+
+
+@pytest.mark.parametrize(
+    "changed", [{"kind": "AK09916"}, {"adjustment": None}, {"rate_hz": 7.0}, {"range_ut": 1.0}], ids=str
+)
+def test_recording_of_a_magnetometer_of_later_times_ends_in_a_traceback(changed, tmp_path):
+    stream = MagnetometerStream(
+        kind="AK8963", rate_hz=100.0, range_ut=4912.0, external_bytes=8, slaves=1, adjustment=(128, 128, 128)
+    )
+    path = record(tmp_path / "later.qrec", [replace(INFO, magnetometer=replace(stream, **changed))])
+    with pytest.raises(RecordingError, match="magnetometer this version does not understand"):
+        RecordingReader(path)
 
 
 def test_header_without_a_magnetometer_is_refused(tmp_path):

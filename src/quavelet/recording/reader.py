@@ -10,8 +10,9 @@ from typing import BinaryIO
 
 import msgspec
 
-from quavelet.core.errors import RecordingError, WrongChip
+from quavelet.core.errors import RecordingError, SettingsError, WrongChip
 from quavelet.mpu6050.drain import Drain
+from quavelet.mpu6050.magnetometer.field import plan_of
 from quavelet.mpu6050.stream import StreamInfo
 from quavelet.recording.format import MAGIC, MAGIC_WORD, VERSION, Header, Kind, unpack_drain, unpack_header
 from quavelet.recording.scan import Scanner
@@ -132,9 +133,15 @@ class RecordingReader:
         try:
             header = unpack_header(payload)
             _ = header.stream.variant
+            if header.stream.magnetometer:
+                plan_of(header.stream.magnetometer)
         except msgspec.DecodeError as error:
             raise RecordingError(
                 f"{self.path} has a header this version does not understand ({error}): update quavelet"
+            ) from error
+        except SettingsError as error:
+            raise RecordingError(
+                f"{self.path} has a magnetometer this version does not understand ({error}): update quavelet"
             ) from error
         except WrongChip as error:
             raise RecordingError(

@@ -3,40 +3,22 @@
 from __future__ import annotations
 
 from quavelet.core.clock import Clock
-from quavelet.core.health import Health
 from quavelet.core.units import NS_PER_S
 from quavelet.mpu6050.access import RegisterAccess
 from quavelet.mpu6050.magnetometer.aux_registers import open_bypass
 from quavelet.mpu6050.magnetometer.identify import FoundMagnetometer
 from quavelet.mpu6050.magnetometer.plan import MagnetometerConfig, Plan
-from quavelet.mpu6050.magnetometer.samples import MagSample, Sampler
+from quavelet.mpu6050.magnetometer.reader import Reader
+from quavelet.mpu6050.magnetometer.samples import MagSample
 
 
-class BypassReader:
+class BypassReader(Reader):
     """A magnetometer that is read each time it is asked for.
 
     Every method raises BusError (DeviceMissing where it does not answer, as after a reset of the chip, which closes the
     bypass); `read` also DeviceLost and ChipUnstable where it answers and does not measure as it was told. After each of
     them `set_up` brings all back.
     """
-
-    def __init__(
-        self,
-        chip: RegisterAccess,
-        found: FoundMagnetometer,
-        config: MagnetometerConfig,
-        *,
-        clock: Clock,
-        health: Health,
-    ) -> None:
-        self._chip = chip
-        self._found = found
-        self._config = config
-        self._clock = clock
-        self._target = RegisterAccess(chip.bus, address=found.address, clock=clock, health=health)
-        self._plan: Plan | None = None
-        self._sampler: Sampler | None = None
-        self._begun_ns = 0
 
     def set_up(self) -> None:
         """Open the bypass, switch the chip's master off, and let the magnetometer measure; takes up to 20 ms.
@@ -47,12 +29,8 @@ class BypassReader:
         if not self._found.outside:
             open_bypass(self._chip)
         self._plan = prepared(self._target, self._found, self._config, clock=self._clock)
-        self._sampler = Sampler(
-            self._plan,
-            to_body=self._config.to_body or self._found.to_body,
-            bus=self._chip.bus.name,
-            since_ns=self._clock.now_ns(),
-        )
+        self._sampler = self._new_sampler(self._plan)
+        self._begun_ns = 0
         self._trigger()
 
     def read(self) -> MagSample:

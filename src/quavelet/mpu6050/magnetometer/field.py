@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from quavelet.core.blocks import Flag, FlagArray, FloatArray
+from quavelet.core.errors import SettingsError
 from quavelet.core.health import Health
 from quavelet.mpu6050.magnetometer.fifo_frames import ByteArray
 from quavelet.mpu6050.magnetometer.kinds import KINDS
@@ -106,6 +107,9 @@ class FieldDecoder:
 
 
 def plan_of(stream: MagnetometerStream) -> Plan:
-    """The plan by which this stream's magnetometer was set up."""
+    """The plan by which this stream's magnetometer was set up. Raises SettingsError where this version does not know
+    it."""
+    if stream.kind not in KINDS or (KINDS[stream.kind].has_adjustment and stream.adjustment is None):
+        raise SettingsError(f"a magnetometer {stream.kind!r} is not known here, or not all of it")
     config = MagnetometerConfig(rate_hz=stream.rate_hz, range_ut=stream.range_ut)
     return KINDS[stream.kind].make_plan(config, stream.adjustment)

@@ -17,6 +17,7 @@ from quavelet.mpu6050.magnetometer import aux_registers as aux
 from quavelet.mpu6050.magnetometer.bypass import prepared
 from quavelet.mpu6050.magnetometer.identify import FoundMagnetometer
 from quavelet.mpu6050.magnetometer.plan import MagnetometerConfig, Plan
+from quavelet.mpu6050.magnetometer.reader import Reader
 from quavelet.mpu6050.magnetometer.samples import MagSample, Sampler
 from quavelet.mpu6050.registers import RegisterBits
 
@@ -26,7 +27,7 @@ _TRANSFER_NS = NS_PER_MS
 """Longer than all that the slaves transfer at one sample."""
 
 
-class MasterReader:
+class MasterReader(Reader):
     """A magnetometer whose data the chip fetches at its own samples.
 
     Every method raises BusError; `read` DeviceMissing where the magnetometer did not acknowledge since the last look,
@@ -49,14 +50,8 @@ class MasterReader:
             raise SettingsError(
                 f"the {found.name} is on the outer bus, where the chip's master cannot reach it: read it by itself"
             )
+        super().__init__(chip, found, config, clock=clock, health=health)
         self.table: tuple[RegisterBits, ...] = ()
-        self._chip = chip
-        self._found = found
-        self._config = config
-        self._clock = clock
-        self._target = RegisterAccess(chip.bus, address=found.address, clock=clock, health=health)
-        self._plan: Plan | None = None
-        self._sampler: Sampler | None = None
 
     @property
     def plan(self) -> Plan:
@@ -87,12 +82,7 @@ class MasterReader:
         finally:
             aux.close_bypass(chip)
         self.table, self._plan = switch_on(chip, plan, sample_period_s=period_s), plan
-        self._sampler = Sampler(
-            plan,
-            to_body=self._config.to_body or self._found.to_body,
-            bus=chip.bus.name,
-            since_ns=self._clock.now_ns(),
-        )
+        self._sampler = self._new_sampler(plan)
 
     def sampler(self) -> Sampler:
         """The maker of samples from bytes that came by another way, as in frames of the FIFO. Raises ValueError before
