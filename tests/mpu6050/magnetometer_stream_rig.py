@@ -49,9 +49,7 @@ class MagStreamRig(Rig):
             pll_error=0.004,
             **({"motion": self.motion, "imperfections": NOISE_ONLY} if moves else {"source": self.samples}),
         )
-        self.fake_bus = FakeBus(
-            {ADDRESS: self.chip, **self.aux.outside()}, clock=self.clock, speed_hz=speed_hz
-        )
+        self.fake_bus = FakeBus({ADDRESS: self.chip, **self.aux.outside()}, clock=self.clock, speed_hz=speed_hz)
         self.bus = WatchedBus(self.fake_bus)
         self.health = Health()
         self.config = config(rate_hz)
