@@ -94,9 +94,8 @@ class CheckUp:
         try:
             yield wires.speed(bus, settings=self._settings, clock=self._clock, set_hz=self._reach.set_hz)
             yield wires.registers_hold(bus, address=self._address, clock=self._clock)
-            yield from self._with_line(bus)
             yield beside.magnetometer(bus, settings=self._settings, clock=self._clock)
-            yield from self._running(bus)
+            yield from self._with_line(bus)
         except ImuError as error:
             # It answered a moment ago: to the person before it, it is lost.
             self.error = DeviceLost(str(error)) if isinstance(error, BusError) else error
