@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from hw_fakes import NOISE_ONLY, FakeBus, FakeMpu6050, board
 from hw_fakes.magnetometers.base import Magnetometer, MagnetometerImperfections
+from hw_fakes.wire.int_line import FakeDataReady
 from hw_fakes.world.motion_base import Motion
 from quavelet.core.clock import VirtualClock
 from quavelet.core.health import Health
@@ -35,6 +36,7 @@ class MagStreamRig(Rig):
         rate_hz: float = 200.0,
         params: MagnetometerParams | None = None,
         speed_hz: int = 400_000,
+        wired: bool = False,
     ) -> None:
         self.clock = VirtualClock(5 * NS_PER_S)
         self.samples = NumberedSamples()
@@ -50,6 +52,7 @@ class MagStreamRig(Rig):
             **({"motion": self.motion, "imperfections": NOISE_ONLY} if moves else {"source": self.samples}),
         )
         self.fake_bus = FakeBus({ADDRESS: self.chip, **self.aux.outside()}, clock=self.clock, speed_hz=speed_hz)
+        self.line = FakeDataReady(self.chip, clock=self.clock) if wired else None
         self.bus = WatchedBus(self.fake_bus)
         self.health = Health()
         self.config = config(rate_hz)
@@ -67,6 +70,7 @@ class MagStreamRig(Rig):
             clock=self.clock,
             health=self.health,
             magnetometer=self.params,
+            line=self.line,
             on_stream=self.infos.append,
             on_drain=self.drains.append,
         )

@@ -60,6 +60,19 @@ def test_frames_of_a_kilohertz_do_not_fit_the_bus(name):
     assert len(rig.fields()) == pytest.approx(RATES[name], rel=0.1)
 
 
+def test_pulses_of_the_data_ready_line_and_the_magnetometer_do_not_go_together():
+    """The master holds each pulse back until it has fetched (RM p. 17)."""
+    rig = MagStreamRig("gy-87-hmc5883l", wired=True).start()
+    rig.run(3.0)
+    assert rig.infos[0].data_ready and rig.infos[0].magnetometer is not None
+    numbers = check_honest(rig)
+    assert (np.diff(numbers) == 1).all()
+    late_ns = rig.got.t_ns - rig.samples.true_ns(numbers)
+    assert np.abs(late_ns[-400:]).max() < NS_PER_MS
+    assert len(rig.fields()) == pytest.approx(300, rel=0.1)
+    assert rig.health.data_ready_missed == 0
+
+
 def test_boards_without_a_magnetometer_pay_for_it_or_stop(caplog):
     caplog.set_level(logging.WARNING)
     rig = MagStreamRig("gy-521").start()
