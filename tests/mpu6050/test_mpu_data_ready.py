@@ -269,7 +269,7 @@ def recorded(seed: int) -> tuple[Rig, list[Drain]]:
 
 
 def same(a: RawBlock, b: RawBlock) -> bool:
-    return all(np.array_equal(getattr(a, name), getattr(b, name)) for name in array_fields(RawBlock))
+    return all(np.array_equal(getattr(a, name), getattr(b, name), equal_nan=True) for name in array_fields(RawBlock))
 
 
 @given(seed=st.integers(0, 20), cut=st.integers(0, 400))
