@@ -143,6 +143,7 @@ def test_the_names_and_bits_of_flags_that_messages_and_recordings_carry_do_not_c
         "IMPLAUSIBLE": 1024,
         "STUCK": 2048,
         "HEADING_SUSPECT": 4096,
+        "UNCALIBRATED_TEMPERATURE": 8192,
         "FIELD_LOST": 16384,
         "FIELD_DISTURBED": 32768,
     }
