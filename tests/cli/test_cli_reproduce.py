@@ -116,3 +116,44 @@ def test_ctrl_c_ends_all_of_it_without_a_trace():
         _, said = process.communicate(timeout=20)
     assert process.returncode == exits.INTERRUPTED
     assert said == ""
+
+
+def judged(*arguments: object) -> list[dict]:
+    """The rows of the real papers, all of which must be in their bands."""
+    done = CliRunner().invoke(app, ["reproduce", "--json", *map(str, arguments)])
+    rows = [json.loads(line) for line in done.stdout.splitlines()]
+    outside = [(row["paper"], row["id"], row["what"], row["got"]) for row in rows if not row["passed"]]
+    assert outside == []
+    assert done.exit_code == exits.OK, done.output
+    return rows
+
+
+def test_a_paper_of_the_study_is_in_its_bands_in_its_quick_form():
+    rows = judged("004", "--quick")
+    assert {row["verdict"] for row in rows} >= {"", "reproduced", "refuted", "only under a reading"}
+
+
+@pytest.mark.slow
+def test_all_papers_are_in_their_bands_in_their_quick_form():
+    assert {row["paper"] for row in judged("all", "--quick")} == set(papers.NUMBERS)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1800)
+def test_all_papers_are_in_their_bands(tmp_path):
+    rows = judged("all", "--out", tmp_path)
+    ids = {row["id"] for row in rows}
+    wanted = {
+        f"{paper}{letter}"
+        for paper, letters in (
+            ("G", "123"),
+            ("0", "abcdefghij"),
+            ("1", "abcde"),
+            ("2", "abcdef"),
+            ("3", "abcde"),
+            ("4", "abcde"),
+        )
+        for letter in letters
+    }
+    assert wanted - ids == set()
+    assert (tmp_path / "index.html").stat().st_size < 10e6

@@ -10,6 +10,7 @@ import io
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from itertools import pairwise
 from textwrap import wrap
 
 import matplotlib
@@ -24,16 +25,16 @@ from quavelet.core.blocks import FloatArray
 from quavelet.study.experiment import Chart, Curve
 
 # Of one lightness, in between: each stands out from white and from near black by more than 3 to 1.
-COLOURS = ("#3b82d0", "#d9701a", "#2c9e5b", "#a066d3", "#d64550", "#1f98a8", "#a0764a", "#c2559b")
+COLOURS = ("#3b82d0", "#d9701a", "#2c9e5b", "#a066d3", "#d64550", "#1f98a8", "#a0764a", "#c2559b", "#8f8f1a", "#5f66d8")
 GREY = "#868e96"
 _INK = "#212529"
 """Stands for the page's ink; no curve has it."""
-_SIZE_IN = (5.6, 3.5)
-"""Small, so that its letters are still letters on a telephone."""
+_WIDTH_IN, _HEIGHT_IN, _LINE_IN = 5.6, 3.1, 0.2
+"""Small, so that its letters are still letters on a telephone; a line of title or legend makes it higher."""
 _BUCKETS = 700
 """A longer line is drawn by the least and the greatest value of so many stretches."""
-_LEGEND_WIDTH = 68
-"""Letters of one line of the legend."""
+_LEGEND_WIDTH, _KEY_LETTERS = 74, 7
+"""Letters of one line of the legend, and of the sample of the line before each label."""
 _TITLE_WIDTH = 58
 _Y_LABEL_WIDTH = 32
 _ROOMY_TICKS = 4
@@ -124,9 +125,13 @@ def _styled(chart: Chart) -> Iterator[None]:
 
 
 def _drawn(chart: Chart, colours: Mapping[str, str]) -> Figure:
-    figure = Figure(figsize=_SIZE_IN, layout="constrained")
+    labels = [curve.label for curve in chart.curves if curve.label]
+    columns = _legend_columns(labels)
+    title = wrap(chart.title, _TITLE_WIDTH)
+    lines = len(title) + (-(-len(labels) // columns) if labels else 0)
+    figure = Figure(figsize=(_WIDTH_IN, _HEIGHT_IN + lines * _LINE_IN), layout="constrained")
     axes = figure.add_subplot()
-    figure.suptitle("\n".join(wrap(chart.title, _TITLE_WIDTH)), x=0.01, ha="left", fontsize=11, fontweight="bold")
+    figure.suptitle("\n".join(title), x=0.01, ha="left", fontsize=11, fontweight="bold")
     axes.set_xlabel(chart.x_label)
     axes.set_ylabel("\n".join(wrap(chart.y_label, _Y_LABEL_WIDTH)))
     if chart.kind == "bars":
@@ -146,19 +151,28 @@ def _drawn(chart: Chart, colours: Mapping[str, str]) -> Figure:
     if chart.log_y:
         axes.set_yscale("log")
         _plain_numbers(axes.yaxis, [curve.y for curve in chart.curves])
-    labels = [curve.label for curve in chart.curves if curve.label]
     if labels:
-        widest = max(len(label) for label in labels) + 6
         axes.legend(
             loc="lower left",
             bbox_to_anchor=(0.0, 1.0),
             borderaxespad=0.2,
             borderpad=0.1,
-            ncols=max(1, min(len(labels), _LEGEND_WIDTH // widest)),
+            ncols=columns,
             columnspacing=1.2,
             handlelength=1.4,
         )
     return figure
+
+
+def _legend_columns(labels: Sequence[str]) -> int:
+    """As many columns as fit: matplotlib fills one after the other, each as wide as its longest label."""
+    for columns in range(len(labels), 1, -1):
+        rows, longer = divmod(len(labels), columns)
+        ends = [(k + 1) * rows + min(k + 1, longer) for k in range(columns)]
+        groups = [labels[start:end] for start, end in pairwise([0, *ends])]
+        if sum(max(map(len, group)) + _KEY_LETTERS for group in groups) <= _LEGEND_WIDTH:
+            return columns
+    return 1
 
 
 def _curve(axes: Axes, curve: Curve, colours: Mapping[str, str], *, points: bool, log_x: bool) -> Line2D:
@@ -198,9 +212,14 @@ def _bars(axes: Axes, chart: Chart, colours: Mapping[str, str]) -> None:
             axes.plot(curve.x, curve.y, "--", linewidth=1.1, color=GREY, label=curve.label or None)
     axes.grid(visible=False, axis="x")
     if chart.ticks:
-        room = max(7, _LEGEND_WIDTH // len(chart.ticks))
-        axes.set_xticks(range(len(chart.ticks)), labels=["\n".join(wrap(tick, room)) for tick in chart.ticks])
-        if len(chart.ticks) > _ROOMY_TICKS:
+        room = _LEGEND_WIDTH // len(chart.ticks) - 1
+        slanted = max(len(word) for tick in chart.ticks for word in tick.split()) > room
+        texts = list(chart.ticks) if slanted else ["\n".join(wrap(tick, room)) for tick in chart.ticks]
+        axes.set_xticks(range(len(texts)), labels=texts)
+        if slanted:
+            for text in axes.get_xticklabels():
+                text.set(rotation=35, ha="right", rotation_mode="anchor")
+        if len(texts) > _ROOMY_TICKS:
             axes.tick_params(axis="x", labelsize=8.5)
 
 
