@@ -26,9 +26,14 @@ TURNING = 5e-4
 """Of the rate's size, in sqrt(s): scale and cross-axis errors, as a noise that grows with the rate."""
 BIAS_WALK_RAD = 5e-4 * RAD_PER_DEG
 """How a bias wanders, rad/s/sqrt(s): 0.004 deg/s in a minute."""
-SURPRISE = 5.0
-"""A velocity is believed up to so many sigma: a fall or a blow is none that stays near zero."""
+SURPRISE = 20.0
+"""A velocity is believed up to so many sigma: a fall is none that stays near zero."""
 MISFIT_TAU_S = 5.0
+LEAN_TAU_S = 8.0
+LEAN_SHARE = 0.3
+WORST = 20.0
+"""A velocity that leans to one side for LEAN_TAU_S, where noise would do so by far less, is no motion: the tilt is
+wrong, and the gyroscope's scale worse than TURNING, up to WORST times (an uncalibrated one has 3 %)."""
 
 TILT, VELOCITY, BIAS = slice(0, 2), slice(2, 4), slice(4, 7)
 
@@ -51,12 +56,18 @@ class Swing:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Horizon:
-    """The filter's memory: covariance (7, 7), the velocity found in m/s, and how much larger its square is than it
-    should be (running mean)."""
+    """The filter's memory.
+
+    cov       (7, 7) covariance of the error
+    velocity  the velocity found, m/s
+    misfit    how much larger its square is than it should be, running mean
+    lean      its own running mean, m/s
+    """
 
     cov: FloatArray
     velocity: tuple[float, float] = (0.0, 0.0)
     misfit: float = 1.0
+    lean: tuple[float, float] = (0.0, 0.0)
 
     @property
     def tilt_ms(self) -> float:
@@ -100,12 +111,16 @@ def after_swing(h: Horizon, swing: Swing, *, density: float) -> tuple[Horizon, F
     f[2, 1], f[3, 0] = g * t, -g * t
     f[2, BIAS], f[3, BIAS] = -0.5 * g * t * across[1], 0.5 * g * t * across[0]
     p = f @ h.cov @ f.T
-    spread = GYRO_DENSITY_RAD * GYRO_DENSITY_RAD * t + TURNING * TURNING * swing.turning
+    lean_ms = (h.lean[0] * h.lean[0] + h.lean[1] * h.lean[1]) * LEAN_TAU_S / density
+    worse = min(max(1.0, LEAN_SHARE * lean_ms), WORST * WORST)
+    spread = GYRO_DENSITY_RAD * GYRO_DENSITY_RAD * t + worse * TURNING * TURNING * swing.turning
     p[0, 0] += spread
     p[1, 1] += spread
     for i in (4, 5, 6):
         p[i, i] += BIAS_WALK_RAD * BIAS_WALK_RAD * t
     velocity = np.array(h.velocity) + swing.velocity
+    fade = t / (LEAN_TAU_S + t)
+    lean = (h.lean[0] + fade * (float(velocity[0]) - h.lean[0]), h.lean[1] + fade * (float(velocity[1]) - h.lean[1]))
     found, square = np.zeros(7), 0.0
     for axis in (2, 3):
         variance = p[axis, axis] + density / t
@@ -119,5 +134,5 @@ def after_swing(h: Horizon, swing: Swing, *, density: float) -> tuple[Horizon, F
     fade = t / (MISFIT_TAU_S + t)
     tilt_x, tilt_y, _, _, bx, by, bz = found.tolist()
     vx, vy = velocity.tolist()
-    horizon = Horizon(0.5 * (p + p.T), (vx, vy), h.misfit + fade * (square - h.misfit))
+    horizon = Horizon(0.5 * (p + p.T), (vx, vy), h.misfit + fade * (square - h.misfit), lean)
     return horizon, Found((tilt_x, tilt_y), (bx, by, bz))
