@@ -9,10 +9,17 @@ import numpy as np
 import pytest
 from program import quavelet
 
+from hw_fakes import NOISE_ONLY, FakeBus, FakeMpu6050, Still, board
+from hw_fakes.magnetometers.base import MagnetometerImperfections
 from quavelet.alignment.result import Alignment, Heading
+from quavelet.attitude.heading import HeadingParams
 from quavelet.cli import exits
-from quavelet.cli.align import message
+from quavelet.cli.align import Aligned, aligned_by, listen, message
+from quavelet.core.clock import VirtualClock
 from quavelet.core.euler import from_euler
+from quavelet.core.units import NS_PER_S
+from quavelet.mpu6050.magnetometer.asked import MagnetometerParams
+from quavelet.settings import Settings
 
 
 def test_a_still_board_gets_roll_and_pitch_and_the_reason_why_no_heading():
@@ -22,6 +29,35 @@ def test_a_still_board_gets_roll_and_pitch_and_the_reason_why_no_heading():
     assert "+- 2." in done.lines[0]
     assert "0.01 deg/s of gyroscope error in 0.0042 deg/s of horizontal earth rate" in done.lines[2]
     assert "NOT A REAL ONE" in done.lines[3]
+
+
+def beside_a_magnetometer(*, heading_ccw_deg: float, **heading) -> Aligned:
+    """Eight seconds of a still GY-87, pitched by 5 deg, through its registers."""
+    clock = VirtualClock(5 * NS_PER_S)
+    iron = MagnetometerImperfections(hard_iron_ut=(14.0, -22.0, 9.0), noise_ut=0.3)
+    bought, lies = board("gy-87-hmc5883l"), Still(pitch_deg=5.0, yaw_deg=heading_ccw_deg)
+    aux = bought.aux_master(clock, lies, imperfections=iron)
+    chip = FakeMpu6050(clock, motion=lies, imperfections=NOISE_ONLY, personality=bought.personality, aux=aux)
+    settings = Settings(magnetometer=MagnetometerParams(use="auto"), heading=HeadingParams(**heading))
+    with FakeBus({0x68: chip, **aux.outside()}, clock=clock) as bus:
+        found = listen(bus, settings, clock=clock, duration_s=8.0)
+    return aligned_by(found, settings, src="fake:gy-87", latitude_deg=None)
+
+
+def test_a_calibrated_magnetometer_behind_the_chip_gives_heading():
+    for ccw in (0.0, 130.0):
+        found = beside_a_magnetometer(heading_ccw_deg=ccw, hard_iron_ut=(14.0, -22.0, 9.0), declination_deg=4.0)
+        assert (found.heading, found.north) == ("observed", "true")
+        # Where yaw is 0, x is east and y north.
+        assert (found.heading_deg + ccw + 180.0) % 360.0 - 180.0 == pytest.approx(0.0, abs=0.5)
+        assert found.pitch_deg == pytest.approx(5.0, abs=0.1)
+        assert found.sigma_deg[2] < 8.0
+
+
+def test_a_magnetometer_that_is_not_calibrated_gives_no_heading():
+    found = beside_a_magnetometer(heading_ccw_deg=0.0)
+    assert (found.heading, found.heading_deg) == ("earth_rate_hidden", None)
+    assert "no calibrated magnetometer" in found.reason
 
 
 def test_roll_of_a_board_on_its_nose_is_hardly_known():

@@ -91,5 +91,8 @@ def align_board(
         return level
     place = "" if latitude_rad is not None else "even at the equator "
     return replace(
-        level, heading=verdict, reason=f"no magnetometer, and {place}{figures}", heading_sigma_rad=heading_rad
+        level,
+        heading=verdict,
+        reason=f"no calibrated magnetometer, and {place}{figures}",
+        heading_sigma_rad=heading_rad,
     )
