@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from hw_fakes.chip.counts import RecordedCounts
 from hw_fakes.chip.mpu6050 import FakeMpu6050
+from hw_fakes.wire.bench import BenchBus
 from hw_fakes.wire.bus import FakeBus
 from hw_fakes.world.imperfections import TYPICAL
 from hw_fakes.world.motion import Motion, Still, Sway, Tilt, Turntable
@@ -23,6 +24,7 @@ MOTIONS: dict[str, Motion] = {
     "walk": Walk(),
     "drone": Drone(),
 }
+BENCH = "bench"
 COUNTS = "counts:"
 RECORDED = "motion:"
 ADDRESS = 0x68
@@ -32,10 +34,13 @@ SEED = 6050
 def open_fake(which: str, /, *, clock: Clock) -> FakeBus:
     """The bus `fake:WHICH`, with one MPU-6050 at 0x68: `targets[0x68]` is the chip, and its `motion` the truth.
 
-    WHICH is what `motion_named` takes (a chip with TYPICAL imperfections) or `counts:FILE.npz` (recorded counts, see
-    `RecordedCounts`). Raises SettingsError for any other, or where the file cannot be used.
+    WHICH is what `motion_named` takes (a chip with TYPICAL imperfections), `counts:FILE.npz` (recorded counts, see
+    `RecordedCounts`), or `bench` or `bench:SEED` (a board that does what the bench session asks for, see `BenchBus`).
+    Raises SettingsError for any other, or where the file cannot be used.
     """
     check_name(which)
+    if which.startswith(BENCH):
+        return BenchBus(clock=clock, seed=int(which.partition(":")[2] or 0), name=f"fake:{which}")
     if which.startswith(COUNTS):
         chip = counts_chip(RecordedCounts.load(which.removeprefix(COUNTS)), clock=clock)
     else:
@@ -57,8 +62,11 @@ def motion_named(which: str) -> Motion:
 
 def check_name(which: str) -> None:
     """Raises SettingsError where `fake:WHICH` is the name of no world."""
+    kind, _, seed = which.partition(":")
+    if kind == BENCH and (which == BENCH or seed.isdecimal()):
+        return
     if which not in MOTIONS and not which.startswith((RECORDED, COUNTS)):
-        names = [f"fake:{name}" for name in (*MOTIONS, f"{RECORDED}FILE.npz", f"{COUNTS}FILE.npz")]
+        names = [f"fake:{name}" for name in (*MOTIONS, BENCH, f"{RECORDED}FILE.npz", f"{COUNTS}FILE.npz")]
         raise SettingsError(f"there is no 'fake:{which}': take one of {', '.join(names)}")
 
 

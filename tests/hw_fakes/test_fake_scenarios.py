@@ -26,7 +26,7 @@ def test_each_name_opens_a_sleeping_chip_with_its_truth(which):
 def test_unknown_name_lists_the_names(which):
     with pytest.raises(SettingsError) as refused:
         open_fake(which, clock=VirtualClock())
-    names = "still", "tilt", "turntable", "sway", "faces", "coning", "walk", "drone"
+    names = "still", "tilt", "turntable", "sway", "faces", "coning", "walk", "drone", "bench"
     names = *names, "motion:FILE.npz", "counts:FILE.npz"
     assert str(refused.value).endswith(", ".join(f"fake:{name}" for name in names))
 

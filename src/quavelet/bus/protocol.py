@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from types import TracebackType
 from typing import Protocol, Self, runtime_checkable
 
+from quavelet.core.instruction import Instruction
+
 
 class I2CBus(Protocol):
     """An I2C bus. Every failure is a `BusError` or a kind of it; a transfer of no bytes is a ValueError.
@@ -77,4 +79,13 @@ class HasDataReady(Protocol):
 
     def data_ready(self, name: str, /, *, address: int) -> DataReady:
         """The line called `name` from the chip at `address`. Raises SettingsError where there is none."""
+        ...
+
+
+@runtime_checkable
+class FollowsInstructions(Protocol):
+    """A bus whose board does by itself what a person at the bench is asked to do with it: no real one."""
+
+    def follow(self, instruction: Instruction, /) -> None:
+        """Begin to do it now; it takes as long as it takes a person."""
         ...
