@@ -15,7 +15,7 @@ from quavelet.core.units import RAD_PER_DEG, STANDARD_GRAVITY_M_S2
 
 RATE_LIMIT_RAD_S = 0.03 * RAD_PER_DEG
 """A mean rate about the vertical that is less cannot be told from a bias that has drifted."""
-RATE_MOST_RAD_S = 0.1 * RAD_PER_DEG
+RATE_MOST_RAD_S = 0.3 * RAD_PER_DEG
 """The same limit for the noisiest chip and the least known bias."""
 FORCE_LIMIT_M_S2 = 0.1 * RAD_PER_DEG * STANDARD_GRAVITY_M_S2
 SURE = 4.5
