@@ -31,7 +31,8 @@ class Cell:
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """Columns whose number is in `numbers` are set to the right; a `folded` one shows its rows when asked."""
+    """Columns whose number is in `numbers` are set to the right. A `folded` one shows its rows when asked; one of
+    `cards` has, on a narrow screen, each row as a few lines with the names of the columns."""
 
     title: str
     head: tuple[str, ...]
@@ -39,6 +40,7 @@ class Table:
     _: KW_ONLY
     numbers: frozenset[int] = frozenset()
     folded: bool = False
+    cards: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,6 +84,17 @@ td.n{white-space:nowrap}
 figure{margin:0;min-width:0}
 figure svg{width:100%;height:auto;display:block}
 figcaption{font-size:.875rem;color:var(--soft);max-width:44rem}
+@media(max-width:42rem){
+.cards thead{display:none}
+.cards tr{display:block;padding:.4rem 0;border-bottom:1px solid var(--line)}
+.cards td{display:block;text-align:left;white-space:normal;border:0;padding:.05rem 0}
+.cards td.n{display:inline-block;margin-right:1.2rem}
+.cards td:empty{display:none}
+.cards td[data-name]::before{content:attr(data-name) ": ";color:var(--soft);font-weight:400}
+.cards td:first-child,.cards td:nth-child(2){display:inline;font-weight:600}
+.cards td:first-child::before,.cards td:nth-child(2)::before{content:none}
+.cards td:first-child::after{content:"  "}
+}
 footer{margin-top:3rem;color:var(--soft);font-size:.875rem}
 """
 
@@ -169,14 +182,18 @@ def _table(table: Table) -> Iterable[str]:
     right = [' class="n"' if k in table.numbers else "" for k in range(len(table.head))]
     title = f"<h3>{escape(table.title)}</h3>"
     yield f"<details><summary>{title} ({len(table.rows)} rows)</summary>" if table.folded else title
-    yield '<div class="wide"><table><thead><tr>'
+    kind = ' class="cards"' if table.cards else ""
+    yield f'<div class="wide"><table{kind}><thead><tr>'
     yield "".join(f"<th{right[k]}>{escape(name)}</th>" for k, name in enumerate(table.head)) + "</tr></thead><tbody>"
     for row in table.rows:
-        yield "<tr>" + "".join(_cell(cell, number=k in table.numbers) for k, cell in enumerate(row)) + "</tr>"
+        names = table.head if table.cards else [""] * len(row)
+        cells = (_cell(cell, names[k], number=k in table.numbers) for k, cell in enumerate(row))
+        yield "<tr>" + "".join(cells) + "</tr>"
     yield "</tbody></table></div>" + ("</details>" if table.folded else "")
 
 
-def _cell(cell: Cell, *, number: bool) -> str:
+def _cell(cell: Cell, name: str, *, number: bool) -> str:
     kinds = " ".join(kind for kind in ("n" if number else "", "long" if len(cell.text) > 40 else "", cell.mark) if kind)
     named = f' class="{kinds}"' if kinds else ""
+    named += f' data-name="{escape(name)}"' if name else ""
     return f"<td{named}>{escape(cell.text)}</td>"

@@ -103,7 +103,9 @@ def summary(results: Iterable[tuple[Experiment, Result]]) -> Section:
         "reading: by one reading of the text of several, or with noise tuned to it, and the row says which. Refuted: "
         "it does not follow, or is a slip. A band is where our own figure must be; it says nothing of the paper's.",
     )
-    return Section("Summary", words, (Table("All papers", head, tuple(rows), numbers=frozenset({2, 3, 4})),))
+    return Section(
+        "Summary", words, (Table("All papers", head, tuple(rows), numbers=frozenset({2, 3, 4}), cards=True),)
+    )
 
 
 def _table(
@@ -111,7 +113,7 @@ def _table(
 ) -> Table:
     # A row's cells may be more than the head has names: what is only shown has no band.
     cells = tuple((*_cells(row)[: len(head) - 1], Cell(_why(row))) for row in rows)
-    return Table(title, head, cells, numbers=numbers, folded=folded)
+    return Table(title, head, cells, numbers=numbers, folded=folded, cards=True)
 
 
 def _cells(row: Row) -> tuple[Cell, ...]:
@@ -123,4 +125,4 @@ def _cells(row: Row) -> tuple[Cell, ...]:
 
 
 def _why(row: Row) -> str:
-    return f"{row.note} Reading: {row.reading}" if row.note and row.reading else row.note or row.reading
+    return f"{row.note.rstrip('.')}; reading: {row.reading}" if row.note and row.reading else row.note or row.reading
