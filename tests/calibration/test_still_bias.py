@@ -43,7 +43,7 @@ def bias_known(out: ImuBlock) -> np.ndarray:
 
 
 @hypothesis_settings(max_examples=30, deadline=None)
-@given(bias=st.tuples(*[st.floats(-14.0, 14.0)] * 3), seed=st.integers(0, 10**6))
+@given(bias=st.tuples(*[st.floats(-20.0, 20.0)] * 3), seed=st.integers(0, 10**6))
 def test_any_bias_of_the_data_sheet_is_found_in_the_first_stillness(bias, seed):
     out = StillBias(window_s=2.0).process(board(flat(600, bias), flat(600, [0.0, 0.6, 0.8]), seed=seed))
     known = bias_known(out)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import sqrt
 
 from quavelet.core.units import RAD_PER_DEG, STANDARD_GRAVITY_M_S2
 
@@ -19,7 +18,7 @@ class StillnessLimits:
 
     Real chips lying still show 0.13 deg/s and 5 mg rms a sample, a hand holding one several deg/s.
     gyro_sd_rad_s, accel_sd_m_s2   spread of each axis over the run; six times this for a single sample
-    gyro_mean_rad_s                mean rate: the data sheet's zero-rate limit of 20 deg/s and a margin;
+    gyro_mean_rad_s                mean rate of each axis: the data sheet's zero-rate limit of 20 deg/s and a margin;
                                    a steady turn below it about the vertical cannot be told from a bias
     gyro_drift_rad_s, accel_drift_m_s2   difference of the means of the run's two halves
     """
@@ -102,8 +101,7 @@ def is_steady(run: StillRun, *, limits: StillnessLimits) -> bool:
         drift = abs((run.total[i] - run.half[i]) / rest_n - run.half[i] / run.half_n)
         if drift > (limits.gyro_drift_rad_s if i < 3 else limits.accel_drift_m_s2):
             return False
-    x, y, z = run.mean()[:3]
-    return sqrt(x * x + y * y + z * z) <= limits.gyro_mean_rad_s
+    return max(map(abs, run.mean()[:3])) <= limits.gyro_mean_rad_s
 
 
 def _six(values: tuple[float, ...]) -> Six:

@@ -1,0 +1,248 @@
+"""The gyroscope's scale and misalignment out of turns between two still poses.
+
+The rate is integrated from pose to pose. Gravity in both poses is what the accelerometer, calibrated before, says: so
+every turn shows what the gyroscope makes of tilt. A turn about the vertical shows no scale by itself; there the angle
+must be known: whole turns against an edge. Turns both ways cancel what is left of the bias.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from quavelet.calibration.least_squares import solved
+from quavelet.calibration.model import Matrix, Vector
+from quavelet.calibration.poses import StillPose, vector
+from quavelet.core.blocks import Flag, FloatArray, ImuBlock
+from quavelet.core.errors import CalibrationError
+from quavelet.core.quaternion import from_rotation_vector, multiply, to_matrix
+from quavelet.core.units import DEG_PER_RAD, RAD_PER_DEG
+
+NAMES = tuple(f"scale {a}" if a == b else f"misalignment {a}{b}" for a in "xyz" for b in "xyz")
+LIMITS = np.array([0.03 if i % 4 == 0 else 0.02 for i in range(9)])
+PRIOR = 2.0 * LIMITS
+DETERMINED = 0.3
+ANGLE_SIGMA_RAD = 0.5 * RAD_PER_DEG
+"""How well a board is brought back against an edge, one sigma."""
+TILT_SIGMA_RAD = 0.05 * RAD_PER_DEG
+RANDOM_WALK_RAD_RTS = 0.015 * RAD_PER_DEG
+"""Angle random walk of real chips (0.02 deg/s/rtHz, one-sided)."""
+NEAREST_RAD = 20.0 * RAD_PER_DEG
+"""So far from a whole number of quarter turns an integrated angle is none of them."""
+SURE_ROWS = 10.0
+"""The sigmas above count as so many measurements of them."""
+OUTLIER = 4.5
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Turn:
+    """Samples between two still poses; N rows.
+
+    rate_rad_s   (N, 3) as measured, less the bias
+    period_s     (N,)
+    before_up, after_up   gravity's direction in the body, up, calibrated
+    angle_rad    turned about the board's `axis` (0, 1, 2), signed, whole turns counted; None: only that it ended still
+    """
+
+    rate_rad_s: FloatArray
+    period_s: FloatArray
+    before_up: Vector
+    after_up: Vector
+    axis: int | None = None
+    angle_rad: float | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class TurnFit:
+    """rate = matrix (measured - bias).
+
+    covariance     (12, 12) of the matrix, row by row, and of what was left of the bias, rad/s
+    bias_rad_s     what the turns say is left of the bias
+    undetermined   names of what the turns do not show
+    residual_deg   (T, 3) of each turn, about the vertical last; where the angle was not known that is nan
+    used           indices of the turns that were not thrown out
+    """
+
+    matrix: Matrix
+    covariance: FloatArray
+    bias_rad_s: Vector
+    undetermined: tuple[str, ...]
+    residual_deg: FloatArray
+    used: tuple[int, ...]
+
+    @property
+    def sigma(self) -> FloatArray:
+        """(9,) one sigma of the matrix, row by row."""
+        return np.sqrt(np.diag(self.covariance)[:9])
+
+    @property
+    def scale_sigma(self) -> float:
+        """One sigma of a turned angle, relative: the worst axis."""
+        return float(self.sigma[[0, 4, 8]].max())
+
+
+def fit_turns(turns: Sequence[Turn], *, bias_sigma_rad_s: float, angle_sigma_rad: float = ANGLE_SIGMA_RAD) -> TurnFit:
+    """Scale and misalignment of the gyroscope, in the axes of the accelerometer.
+
+    bias_sigma_rad_s   one sigma of the bias that was taken off the rates
+    angle_sigma_rad    of the angles that are said to be known
+
+    Raises CalibrationError where no axis' scale is found.
+    """
+    if not turns:
+        raise CalibrationError("no turn shows the gyroscope's scale: turn the board about each of its axes")
+    used = list(range(len(turns)))
+    while True:
+        model = partial(_all_rows, turns=[turns[k] for k in used], angle_sigma_rad=angle_sigma_rad)
+        fit = solved(model, prior_sigma=np.append(PRIOR, np.full(3, bias_sigma_rad_s)))
+        size = np.array([np.abs(_rows(turns[k], fit.value, angle_sigma_rad)[0]).max() for k in used])
+        if size.max() <= OUTLIER or len(used) <= max(3, 0.75 * len(turns)):
+            break
+        used.pop(int(size.argmax()))
+    scale = fit.observed_sigma(slice(None), taken=1.0, assumed=1.0, weight=SURE_ROWS)
+    sigma = np.sqrt(np.diag(fit.covariance)[:9])
+    wanting = tuple(n for n, s, limit in zip(NAMES, sigma, LIMITS, strict=True) if s > DETERMINED * limit)
+    if sum(name.startswith("scale") for name in wanting) == 3:
+        raise CalibrationError("the turns show no axis' scale: turn the board by 360 degrees about each of its axes")
+    x, y, z = (vector(row) for row in np.eye(3) + fit.value[:9].reshape(3, 3))
+    return TurnFit(
+        matrix=(x, y, z),
+        covariance=fit.covariance * scale**2,
+        bias_rad_s=vector(fit.value[9:]),
+        undetermined=wanting,
+        residual_deg=np.array([_residual_deg(turn, fit.value) for turn in turns]),
+        used=tuple(used),
+    )
+
+
+def turn_between(block: ImuBlock, before: StillPose, after: StillPose, *, bias_rad_s: FloatArray) -> Turn:
+    """The turn from one pose to the next, angle unknown; samples and poses with their forces calibrated.
+
+    bias_rad_s   (3,), or a row for each of the block's samples (`BiasFit.rows`)
+
+    Raises CalibrationError where samples are missing in between or a rate is beyond the range.
+    """
+    inside = (block.t_ns > before.end_ns) & (block.t_ns <= after.begin_ns)
+    bad = block.flags[inside] & (Flag.GAP | Flag.GYRO_CLIPPED)
+    if bad.any() or not inside.any():
+        raise CalibrationError(
+            "samples are missing within the turn, or its rate is beyond the range: turn again, slower"
+        )
+    up_before, up_after = (np.array(pose.accel_m_s2) for pose in (before, after))
+    return Turn(
+        rate_rad_s=(block.gyro_rad_s - bias_rad_s)[inside],
+        period_s=block.period_s[inside],
+        before_up=vector(up_before / np.linalg.norm(up_before)),
+        after_up=vector(up_after / np.linalg.norm(up_after)),
+    )
+
+
+def turned_deg(turn: Turn) -> FloatArray:
+    """(3,) rate added up about each of the board's axes, in degrees: whole turns counted, as measured."""
+    total: FloatArray = DEG_PER_RAD * (turn.rate_rad_s * turn.period_s[:, None]).sum(axis=0)
+    return total
+
+
+def recognised(turn: Turn) -> tuple[int, float] | None:
+    """Axis and angle in rad of a turn by a whole number of quarters about one of the board's axes, None for others."""
+    total = RAD_PER_DEG * turned_deg(turn)
+    axis = int(np.argmax(np.abs(total)))
+    quarters = round(total[axis] / (np.pi / 2))
+    across = np.delete(total, axis)
+    # A few per cent of scale and cross-axis sensitivity grow with the angle.
+    allowed = max(NEAREST_RAD, 0.06 * abs(float(total[axis])))
+    if quarters == 0 or allowed > np.pi / 4 or np.abs(across).max() > allowed:
+        return None
+    angle = quarters * np.pi / 2
+    return (axis, angle) if abs(total[axis] - angle) < allowed else None
+
+
+def _all_rows(x: FloatArray, *, turns: Sequence[Turn], angle_sigma_rad: float) -> tuple[FloatArray, FloatArray]:
+    rows = [_rows(turn, x, angle_sigma_rad) for turn in turns]
+    return np.concatenate([row[0] for row in rows]), np.vstack([row[1] for row in rows])
+
+
+def _rows(turn: Turn, x: FloatArray, angle_sigma_rad: float) -> tuple[FloatArray, FloatArray]:
+    """Residuals (2,) or (3,) in sigmas and Jacobian: the turn left over, in the axes of the pose it ends in."""
+    left, jacobian, frame = _left_over(turn, x)
+    walk = RANDOM_WALK_RAD_RTS * np.sqrt(turn.period_s.sum())
+    tilt, angle = np.hypot(TILT_SIGMA_RAD, walk), np.hypot(angle_sigma_rad, walk)
+    sigma = np.array([tilt, tilt, angle])
+    n = 2 if turn.angle_rad is None else 3
+    return (frame @ left / sigma)[:n], (frame @ jacobian / sigma[:, None])[:n]
+
+
+def _residual_deg(turn: Turn, x: FloatArray) -> FloatArray:
+    left, _, frame = _left_over(turn, x)
+    residual: FloatArray = DEG_PER_RAD * (frame @ left)
+    if turn.angle_rad is None:
+        residual[2] = np.nan
+    return residual
+
+
+def _left_over(turn: Turn, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Rotation (3,) that is left between the integrated turn and what it was, its Jacobian (3, 12) and the axes (3, 3)
+    it is looked at in: two horizontal ones, then up; all in the body as it is after the turn."""
+    matrix, bias = np.eye(3) + x[:9].reshape(3, 3), x[9:]
+    clean = turn.rate_rad_s - bias
+    step = clean @ matrix.T * turn.period_s[:, None]
+    quaternions = _running_product(from_rotation_vector(step))
+    total = to_matrix(quaternions[-1:])[0]
+    # The middle of each step as seen from the end: the error of a step turns the rest of the way with the board.
+    seen = total.T @ to_matrix(multiply(quaternions, from_rotation_vector(-0.5 * step)))
+    moved = clean * turn.period_s[:, None]
+    by_matrix = np.einsum("nik,nj->ikj", seen, moved).reshape(3, 9)
+    by_bias = -np.einsum("nik,n->ik", seen, turn.period_s) @ matrix
+    before, after = np.array(turn.before_up), np.array(turn.after_up)
+    expected = total if turn.angle_rad is None or turn.axis is None else _about(turn.axis, turn.angle_rad)
+    # The expected turn, corrected by as little as makes gravity agree in both poses.
+    true = expected @ _shortest(after, expected.T @ before)
+    left = _rotation_vector(true.T @ total)
+    skew = _skew(left)
+    jacobian = (np.eye(3) + 0.5 * skew + skew @ skew / 12.0) @ np.hstack([by_matrix, by_bias])
+    return left, jacobian, _standing(after)
+
+
+def _running_product(q: FloatArray) -> FloatArray:
+    """(N, 4): the product of all quaternions up to each, by doubling: log2 N vector operations."""
+    product, step = q.copy(), 1
+    while step < len(product):
+        product[step:] = multiply(product[:-step], product[step:])
+        step *= 2
+    return product
+
+
+def _about(axis: int, angle_rad: float) -> FloatArray:
+    rotation: FloatArray = to_matrix(from_rotation_vector(angle_rad * np.eye(3)[axis : axis + 1]))[0]
+    return rotation
+
+
+def _shortest(a: FloatArray, b: FloatArray) -> FloatArray:
+    """The shortest rotation that takes unit vector a to b, which are not opposite."""
+    skew = _skew(np.cross(a, b))
+    turned: FloatArray = np.eye(3) + skew + skew @ skew / (1.0 + float(a @ b))
+    return turned
+
+
+def _skew(v: FloatArray) -> FloatArray:
+    x, y, z = v
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
+def _rotation_vector(c: FloatArray) -> FloatArray:
+    """The rotation vector (3,) of a matrix whose angle is below pi."""
+    axis = 0.5 * np.array([c[2, 1] - c[1, 2], c[0, 2] - c[2, 0], c[1, 0] - c[0, 1]])
+    sine = float(np.linalg.norm(axis))
+    angle = np.arctan2(sine, 0.5 * (float(np.trace(c)) - 1.0))
+    vector_rad: FloatArray = axis * (angle / sine if sine > 1e-12 else 1.0)
+    return vector_rad
+
+
+def _standing(up: FloatArray) -> FloatArray:
+    """(3, 3) rows: two horizontal directions, then up."""
+    side = np.cross(up, np.eye(3)[int(np.argmin(np.abs(up)))])
+    side /= np.linalg.norm(side)
+    return np.stack([side, np.cross(up, side), up])

@@ -1,0 +1,20 @@
+"""Boards from the data sheet's limits come out of a calibration as they were drawn, with sigmas that are true."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from boards_table import BARS, table
+
+
+def test_ten_boards_are_found_within_the_bars():
+    points, covered = table(range(10))
+    assert all(points[name] < bar for name, bar in BARS.items()), points
+    assert min(covered.values()) > 0.8, covered
+
+
+@pytest.mark.slow
+def test_two_hundred_boards_are_found_within_the_bars_and_their_sigmas_are_true():
+    points, covered = table(range(200))
+    assert all(points[name] < bar for name, bar in BARS.items()), points
+    assert np.all([0.90 <= share <= 0.995 for share in covered.values()]), covered
