@@ -7,6 +7,7 @@ import pytest
 
 from quavelet.calibration.calibrate import Calibrate
 from quavelet.calibration.model import UNCALIBRATED
+from quavelet.core.blocks import Flag
 from quavelet.core.errors import RecordingError
 from quavelet.study.recorded import load_recorded
 
@@ -48,6 +49,16 @@ def test_counts_by_degrees_and_g_and_their_temperature(tmp_path):
     assert block.gyro_rad_s == pytest.approx(np.radians(GYR / 131))
     assert block.accel_m_s2 == pytest.approx(ACC / 4096 * 9.80665)
     assert block.temp_degc == pytest.approx(26.53)
+
+
+def test_a_chips_counts_at_the_end_of_the_range_are_flagged_and_scaled_values_are_not(tmp_path):
+    clipped = GYR.copy()
+    clipped[7, 1] = -32768
+    scales = {"gyr_lsb_per_dps": 131, "acc_lsb_per_g": 4096, "rate": FS}
+    (run,) = load_recorded(saved(tmp_path, gyr=clipped, acc=ACC, **scales)).runs
+    assert np.flatnonzero(run.flags & Flag.GYRO_CLIPPED).tolist() == [7]
+    (run,) = load_recorded(saved(tmp_path, **{**TRIAL, "gyr": clipped})).runs
+    assert not run.flags.any()
 
 
 def test_values_in_si_lose_no_more_than_a_chip_would(tmp_path):

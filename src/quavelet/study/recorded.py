@@ -15,6 +15,7 @@ from quavelet.core.blocks import BoolArray, CountArray, FloatArray, RawBlock, Sc
 from quavelet.core.errors import RecordingError, SettingsError
 from quavelet.core.health import Health
 from quavelet.core.units import NS_PER_S, RAD_PER_DEG, STANDARD_GRAVITY_M_S2
+from quavelet.mpu6050.decoder import clip_flags
 from quavelet.recording.reader import RecordingReader
 from quavelet.recording.replay import ReplaySource
 from quavelet.settings import Settings
@@ -129,12 +130,15 @@ def _npz(path: Path) -> Recorded:
     temp, at_zero = np.zeros(n, dtype=np.int16), _NO_TEMP_DEGC
     if "temp" in arrays and arrays["temp"].dtype == np.int16 and arrays["temp"].shape == (n,):
         temp, at_zero = arrays["temp"], _TEMP_DEGC_AT_ZERO
+    counts = np.column_stack([accel, temp, gyro]).astype(np.int16)
+    # Only a chip's own counts have ends: those of scaled values are where the largest value happens to be.
+    of_the_chip = "gyr_lsb_per_dps" in arrays and "acc_lsb_per_g" in arrays
     raw = RawBlock(
         t_ns=np.round(np.arange(1, n + 1) * (NS_PER_S / rate_hz)).astype(np.int64),
         period_s=np.full(n, 1.0 / rate_hz),
         gap_ns=np.zeros(n, dtype=np.int64),
-        flags=np.zeros(n, dtype=np.uint32),
-        counts=np.column_stack([accel, temp, gyro]).astype(np.int16),
+        flags=clip_flags(counts) if of_the_chip else np.zeros(n, dtype=np.uint32),
+        counts=counts,
         scale=Scale(gyro_lsb, accel_lsb, _TEMP_DEGC_PER_LSB, at_zero),
     )
     return Recorded(path, (raw,), truth=_truth(arrays, n, path))
