@@ -26,7 +26,7 @@ from quavelet.study.recorded import load_recorded
 from quavelet.study.recording_report import AxisNoise, Report, figures, method_table, noise_table, section, work_through
 
 Files = Annotated[
-    list[Path], typer.Argument(help="Recordings: .qrec, or npz files of arrays.", show_default=False, metavar="FILE...")
+    list[Path], typer.Argument(help="Recordings: .qrec, or npz files of arrays.", show_default=False, metavar="FILE")
 ]
 Out = Annotated[Path, typer.Option("--out", help="Where the page goes.")]
 AsJson = Annotated[bool, typer.Option("--json", help="One JSON object a recording, a line each.")]

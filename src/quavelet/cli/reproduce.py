@@ -24,7 +24,7 @@ from quavelet.study.experiment import Effort, Experiment, Result, Row
 from quavelet.study.page import check_drawing, html_page, write, write_pictures
 from quavelet.study.running import Step, run_all
 
-Papers = Annotated[list[str] | None, typer.Argument(metavar="[000|001|002|003|004|all]...", help="Which papers [all].")]
+Papers = Annotated[list[str] | None, typer.Argument(metavar="000|001|002|003|004|all", help="Which papers [all].")]
 AsJson = Annotated[bool, typer.Option("--json", help="One JSON object a row, a line each.")]
 Out = Annotated[
     Path | None,
@@ -38,7 +38,7 @@ Quick = Annotated[
 def reproduce(paper: Papers = None, json: AsJson = False, out: Out = None, quick: Quick = False) -> None:
     """Work the papers' experiments through and print every row of their tables beside what came out.
 
-    Takes a quarter of an hour for all five on two processors. Exit code 6 where a row is outside its band.
+    All five take some four minutes on two processors. Exit code 6 where a row is outside its band.
     """
     experiments = [papers.experiment(number) for number in _numbers(paper or [])]
     if out is not None:
