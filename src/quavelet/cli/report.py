@@ -25,9 +25,7 @@ from quavelet.study.page import Table, check_drawing, html_page, write
 from quavelet.study.recorded import load_recorded
 from quavelet.study.recording_report import AxisNoise, Report, figures, method_table, noise_table, section, work_through
 
-Files = Annotated[
-    list[Path], typer.Argument(help="Recordings: .qrec, or npz files of arrays.", show_default=False, metavar="FILE")
-]
+Files = Annotated[list[Path], typer.Argument(help="Recordings: .qrec, or npz files of arrays.", show_default=False)]
 Out = Annotated[Path, typer.Option("--out", help="Where the page goes.")]
 AsJson = Annotated[bool, typer.Option("--json", help="One JSON object a recording, a line each.")]
 
