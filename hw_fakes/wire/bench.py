@@ -29,7 +29,7 @@ WARM_UP_S = 60.0
 """A small board comes to its own temperature faster than the fakes of other scenarios."""
 WARMED_DEGC = 25.0
 COOLS_S = 120.0
-SWINGS = 24
+SWINGS = 40
 
 
 class BenchBus(FakeBus):
@@ -77,9 +77,8 @@ class BenchBus(FakeBus):
                 self.sensor.goes_to(now_degc + 2.0 * WARMED_DEGC, from_s=at_s, within_s=30.0)
                 self.sensor.goes_to(now_degc, from_s=at_s + 30.0, within_s=COOLS_S)
             case "swing":
-                for _ in range(SWINGS):
-                    about = self._hand.standard_normal(3)
-                    self.motion.turn(about, float(self._hand.uniform(1.0, 2.5)), at_s=at_s, takes_s=2.0)
+                for up in _all_round(SWINGS):
+                    self.motion.bring_up(up, at_s=at_s, takes_s=1.0)
             case "rest":
                 pass
         self.chip.recompute()
@@ -96,3 +95,10 @@ class BenchBus(FakeBus):
         lean = PLACED_DEG * RAD_PER_DEG * self._hand.standard_normal(3)
         up = up / np.linalg.norm(up)
         self.motion.bring_up(up + np.cross(lean, up), at_s=at_s, takes_s=MOVES_S)
+
+
+def _all_round(n: int) -> FloatArray:
+    """(n, 3) unit vectors all over the sphere, from pole to pole, each near the one before."""
+    z = 1.0 - (2.0 * np.arange(n) + 1.0) / n
+    across, turn = np.sqrt(1.0 - z * z), 2.0 * np.pi * np.arange(n) / np.sqrt(n)
+    return np.column_stack([across * np.cos(turn), across * np.sin(turn), z])

@@ -1,0 +1,148 @@
+"""The steps in which the board is put somewhere and let go: six faces, any poses, and those for the verdict."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from quavelet.bench.session_watch import STILL_S, Seen
+from quavelet.bench.steps.lying import too_hot
+from quavelet.bench.steps.step import Step
+from quavelet.calibration.poses import StillPose
+from quavelet.core.blocks import FloatArray
+from quavelet.core.instruction import FACES, Instruction
+
+APART_DEG = 20.0
+HELD_POSES = 18
+CHECK_POSES = 4
+
+
+class Faces(Step):
+    """Each of the six faces once, in any order: whichever is up is recognised."""
+
+    name = "faces"
+    title = "Six faces"
+
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """Faces that were not up yet, in the order they are asked for."""
+        have = {pose.face for pose in self.evidence.placed}
+        return tuple(face for face in FACES if face not in have)
+
+    @property
+    def instruction(self) -> Instruction:
+        return Instruction(action="face", face=(self.missing or FACES)[0])
+
+    @property
+    def progress(self) -> float:
+        return 1.0 - len(self.missing) / len(FACES)
+
+    @property
+    def status(self) -> str:
+        return f"missing: {' '.join(self.missing)}" if self.missing else "all six"
+
+    @property
+    def needs_s(self) -> float:
+        return STILL_S
+
+    def take(self, seen: Seen) -> None:
+        if hot := too_hot(seen):
+            self.notice = hot
+            return
+        if seen.still_s == 0.0:
+            self.notice = ""
+        self.evidence.moves += seen.moves
+        for pose in seen.poses:
+            face = pose.face
+            if face in self.missing:
+                self.evidence.placed.append(pose)
+                self.notice = ""
+            elif face is None:
+                self.notice = "it lies on no face: put it flat on one, against something square"
+                self.asks += bool(seen.moves)
+            elif self.missing and seen.moves and pose is seen.poses[0]:
+                self.notice = f"{face} was up before and is measured: the next is {self.missing[0]}"
+                self.asks += 1
+
+
+class _Held(Step):
+    """So many poses in directions that differ."""
+
+    wanted: int
+
+    def _have(self) -> list[StillPose]:
+        raise NotImplementedError
+
+    @property
+    def instruction(self) -> Instruction:
+        return Instruction(action="pose")
+
+    @property
+    def progress(self) -> float:
+        return min(1.0, len(self._have()) / self.wanted)
+
+    @property
+    def status(self) -> str:
+        return f"{len(self._have())} of {self.wanted}"
+
+    @property
+    def needs_s(self) -> float:
+        return STILL_S
+
+    def take(self, seen: Seen) -> None:
+        if hot := too_hot(seen):
+            self.notice = hot
+            return
+        if seen.still_s == 0.0:
+            self.notice = ""
+        for pose in seen.poses:
+            if any(_away_deg(pose, other) < APART_DEG for other in self._others()):
+                self.notice = "it was held so before: lean it another way, by 20 degrees or more"
+                self.asks += 1
+            elif self.progress < 1.0:
+                self._have().append(pose)
+                self.asks += 1
+                self.notice = ""
+
+    def _others(self) -> list[StillPose]:
+        return self._have()
+
+
+class Poses(_Held):
+    """Held or leant in many attitudes: the accelerometer without six exact faces."""
+
+    name = "poses"
+    title = "Poses by hand"
+    wanted = HELD_POSES
+
+    def _have(self) -> list[StillPose]:
+        return self.evidence.poses
+
+    def take(self, seen: Seen) -> None:
+        super().take(seen)
+        if self.progress < 1.0 or seen.poses:
+            self.evidence.moves += seen.moves
+
+
+class Check(_Held):
+    """Poses that no fit sees: by them the verdict is made."""
+
+    name = "check"
+    title = "Check"
+    wanted = CHECK_POSES
+
+    def _have(self) -> list[StillPose]:
+        return self.evidence.check
+
+    def _others(self) -> list[StillPose]:
+        return [*self.evidence.check, *self.evidence.placed]
+
+
+def _away_deg(a: StillPose, b: StillPose) -> float:
+    u, v = (_unit(pose) for pose in (a, b))
+    return float(np.degrees(np.arccos(np.clip(u @ v, -1.0, 1.0))))
+
+
+def _unit(pose: StillPose) -> FloatArray:
+    force = np.array(pose.accel_m_s2)
+    unit: FloatArray = force / np.linalg.norm(force)
+    return unit

@@ -1,0 +1,144 @@
+"""The steps in which the board just lies: warming up, bias at rest, bias over temperature."""
+
+from __future__ import annotations
+
+from quavelet.bench.session_evidence import Evidence
+from quavelet.bench.session_watch import POSE_S, STILL_S, Seen
+from quavelet.bench.steps.step import Step
+from quavelet.core.instruction import Instruction
+
+SETTLED_DEGC_MIN = 0.5
+"""At 0.19 deg/s/degC the data sheet's worst bias then goes by 0.1 deg/s a minute, which the poses follow."""
+WARM_UP_LONGEST_S = 600.0
+HOTTEST_DEGC = 75.0
+"""PS 6.1: the chip is specified up to 85 degC."""
+REST_POSES = 7
+SPAN_DEGC = 12.0
+MOVED = "the board was moved: put it down, let go, and leave it"
+
+
+def too_hot(seen: Seen) -> str:
+    """What is to be said of the temperature, "" where it is within the data sheet's with a margin."""
+    if seen.temp_degc <= HOTTEST_DEGC:
+        return ""
+    return f"the chip is at {seen.temp_degc:.0f} degC, and is not specified beyond 85: take the heat away"
+
+
+class WarmUp(Step):
+    """Until the temperature hardly goes any more; after ten minutes it is taken as it is."""
+
+    name = "warm-up"
+    title = "Warm-up"
+
+    def __init__(self, evidence: Evidence) -> None:
+        super().__init__(evidence)
+        self._done = False
+        self._begun_ns: int | None = None
+        self._steepest = 0.0
+        self._trend: float | None = None
+
+    @property
+    def instruction(self) -> Instruction:
+        return Instruction(action="rest")
+
+    @property
+    def progress(self) -> float:
+        if self._done or self._trend is None or self._steepest <= SETTLED_DEGC_MIN:
+            return float(self._done)
+        return max(0.0, min(0.99, (self._steepest - abs(self._trend)) / (self._steepest - SETTLED_DEGC_MIN)))
+
+    @property
+    def status(self) -> str:
+        if self._trend is None:
+            return "looking at the temperature"
+        return f"{self._trend:+.2f} degC/min, steady below {SETTLED_DEGC_MIN:g}"
+
+    def take(self, seen: Seen) -> None:
+        now_ns = int(seen.rows.t_ns[-1])
+        self._begun_ns = self._begun_ns or now_ns
+        self.notice = too_hot(seen)
+        self.evidence.rest += seen.poses
+        self._trend = seen.trend_degc_min
+        if self._trend is None or self.notice:
+            return
+        self._steepest = max(self._steepest, abs(self._trend))
+        self._done = abs(self._trend) < SETTLED_DEGC_MIN or now_ns - self._begun_ns > WARM_UP_LONGEST_S * 1e9
+
+
+class Rest(Step):
+    """Twenty seconds of stillness: the gyroscope's bias."""
+
+    name = "rest"
+    title = "Gyroscope at rest"
+
+    def __init__(self, evidence: Evidence) -> None:
+        super().__init__(evidence)
+        self._poses = 0
+        self._since_s = 0.0
+
+    @property
+    def instruction(self) -> Instruction:
+        return Instruction(action="rest")
+
+    @property
+    def progress(self) -> float:
+        return min(1.0, (self._poses + min(self._since_s, 0.9 * STILL_S) / STILL_S) / REST_POSES)
+
+    @property
+    def status(self) -> str:
+        return f"{min(REST_POSES, self._poses) * POSE_S:.0f} of {REST_POSES * POSE_S:.0f} s"
+
+    def take(self, seen: Seen) -> None:
+        self.notice = too_hot(seen)
+        self._since_s = min(seen.still_s, STILL_S)
+        if seen.still_s == 0.0 and not self.notice:
+            self.notice = MOVED
+        if not too_hot(seen):
+            self._poses += len(seen.poses)
+            self.evidence.rest += seen.poses
+
+    @property
+    def needs_s(self) -> float:
+        return STILL_S
+
+
+class Temperature(Step):
+    """The board is warmed and lies while it cools: the bias over so many degrees, or until it cools no more."""
+
+    name = "temperature"
+    title = "Bias over temperature"
+
+    def __init__(self, evidence: Evidence) -> None:
+        super().__init__(evidence)
+        self._temps: list[float] = []
+        self._trend: float | None = None
+
+    @property
+    def instruction(self) -> Instruction:
+        return Instruction(action="warm")
+
+    @property
+    def progress(self) -> float:
+        return min(1.0, self._span / SPAN_DEGC)
+
+    @property
+    def status(self) -> str:
+        trend = "" if self._trend is None else f", {self._trend:+.1f} degC/min"
+        return f"{self._span:.1f} of {SPAN_DEGC:g} degC{trend}"
+
+    def take(self, seen: Seen) -> None:
+        self.notice = too_hot(seen)
+        self._trend = seen.trend_degc_min
+        if not self.notice:
+            self.evidence.rest += seen.poses
+            self._temps += [pose.temp_degc for pose in seen.poses]
+        if not self.notice and self._span > 1.0 and self._trend is not None and abs(self._trend) < SETTLED_DEGC_MIN:
+            self.notice = "the temperature stands still too early: warm the board more, or cool it in a bag in a fridge"
+
+    @property
+    def needs_s(self) -> float:
+        return STILL_S
+
+    @property
+    def _span(self) -> float:
+        return max(self._temps) - min(self._temps) if self._temps else 0.0
