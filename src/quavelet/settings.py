@@ -48,6 +48,18 @@ class BusSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
             raise SettingsError(f"int_line = '{self.int_line}' is no line: write LABEL:LINE, as pinctrl-bcm2711:17")
 
 
+class CalibrationSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Which calibration is used.
+
+    file        its path; "": that of the chip, where there is one
+    automatic   look for that of the chip, by its factory's trim, in ~/.config/quavelet/calibration and
+                /etc/quavelet/calibration
+    """
+
+    file: str = ""
+    automatic: bool = True
+
+
 class StartSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """How the gyroscope's bias is found.
 
@@ -104,6 +116,7 @@ class Settings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     chip: ChipConfig = ChipConfig(gyro_range_dps=500, accel_range_g=4, dlpf=3, sample_rate_hz=200.0)
     offsets: OffsetSettings = OffsetSettings()
     magnetometer: MagnetometerParams = MagnetometerParams()
+    calibration: CalibrationSettings = CalibrationSettings()
     start: StartSettings = StartSettings()
     denoise: DenoiseParams = DenoiseParams()
     filter: FilterParams = FilterParams()

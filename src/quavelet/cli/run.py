@@ -71,7 +71,15 @@ def run_live(
             writer = RecordingWriter(record, settings=settings, clock=clock)
             records.subscribe("recording", writer, depth=QUEUE_DEPTH, policy=policy)
         stack.callback(records.close)
-        imu = Imu(i2c, settings=settings, clock=clock, line=line, on_stream=records.publish, on_drain=records.publish)
+        imu = Imu(
+            i2c,
+            settings=settings,
+            clock=clock,
+            line=line,
+            on_stream=records.publish,
+            on_drain=records.publish,
+            on_note=talk,
+        )
         try:
             # Asks who is there, before anything else is set or said.
             imu.read()

@@ -1,0 +1,298 @@
+"""What a calibration found, as it is kept: one record for each chip, every value with its unit and its sigma."""
+
+from __future__ import annotations
+
+from math import inf
+
+import msgspec
+import numpy as np
+
+from quavelet.calibration.accelerometer import AccelerometerFit
+from quavelet.calibration.gyro_bias import BiasFit
+from quavelet.calibration.magnetometer import MagnetometerFit
+from quavelet.calibration.model import (
+    IDENTITY,
+    NO_MATRIX,
+    UNCALIBRATED,
+    BiasCurve,
+    ImuCalibration,
+    MagnetometerCalibration,
+    Matrix,
+    Vector,
+)
+from quavelet.calibration.poses import vector
+from quavelet.calibration.turns import TurnFit
+from quavelet.core.blocks import FloatArray
+from quavelet.core.errors import CalibrationError
+from quavelet.core.units import STANDARD_GRAVITY_M_S2
+
+MARGIN_DEGC = 5.0
+"""So far beyond the temperatures of the calibration it is still used without a flag."""
+SCALE_DRIFT = 0.001
+"""One sigma of what 5 degC do to a scale: 2 % from -40 to 85 degC (PS 6.1)."""
+
+
+class ChipIdentity(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Which chip it is. It has no serial number, so that its factory's own trim stands for one.
+
+    fingerprint   the factory's words in the chip, "" where they cannot be read: then bus and address must agree
+    """
+
+    who_am_i: int
+    name: str
+    bus: str
+    address: int
+    fingerprint: str = ""
+
+    @property
+    def is_fake(self) -> bool:
+        return self.bus.startswith("fake:")
+
+
+class Made(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """When and how: ISO 8601 in UTC, the package's version, the ranges, and the chip's temperatures meanwhile."""
+
+    utc: str
+    version: str
+    gyro_range_dps: int
+    accel_range_g: int
+    lowest_degc: float
+    highest_degc: float
+
+
+class AccelerometerTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """true = matrix (measured - offset). `frame`: "faces" of the board, or the "sensor"'s own axes."""
+
+    offset_m_s2: Vector
+    offset_sigma_m_s2: Vector
+    matrix: Matrix
+    matrix_sigma: Matrix
+    frame: str
+    undetermined: tuple[str, ...]
+    sigma_m_s2: float
+    rms_before_g: float
+    rms_after_g: float
+    residual_g: tuple[float, ...]
+
+
+class GyroBiasTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Bias: sum of coefficient_k (temperature - reference)^k, and what 1 m/s^2 of force adds."""
+
+    reference_degc: float
+    coefficients_rad_s: tuple[Vector, ...]
+    lowest_degc: float
+    highest_degc: float
+    sigma_rad_s: float
+    slope_sigma_rad_s_degc: float
+    per_force_rad_s: Matrix
+    residual_rms_rad_s: float
+
+
+class GyroScaleTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """rate = matrix (measured - bias), in the axes of the accelerometer."""
+
+    matrix: Matrix
+    matrix_sigma: Matrix
+    undetermined: tuple[str, ...]
+    scale_sigma: float
+    residual_deg: tuple[tuple[float, ...], ...]
+
+
+class MagnetometerTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """true = soft_iron (measured - hard_iron)."""
+
+    hard_iron_ut: Vector
+    hard_iron_sigma_ut: Vector
+    soft_iron: Matrix
+    field_ut: float
+    field_sigma: float
+    coverage: float
+    rms_before: float
+    rms_after: float
+
+
+class OffsetsTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What was written to the chip's own offset registers before it was calibrated, x y z each (see `OffsetPlan`)."""
+
+    accel_factory: tuple[int, int, int]
+    gyro_factory: tuple[int, int, int]
+    accel: tuple[int, int, int]
+    gyro: tuple[int, int, int]
+
+
+class CalibrationRecord(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """All of a file; parts that were not calibrated are None."""
+
+    chip: ChipIdentity
+    made: Made
+    accelerometer: AccelerometerTable | None = None
+    gyro_bias: GyroBiasTable | None = None
+    gyro_scale: GyroScaleTable | None = None
+    magnetometer: MagnetometerTable | None = None
+    offsets: OffsetsTable | None = None
+
+    def calibration(self) -> ImuCalibration:
+        """As the pipeline takes it; what was not calibrated is as in an uncalibrated chip."""
+        accel, bias, scale, magnetometer = self.accelerometer, self.gyro_bias, self.gyro_scale, self.magnetometer
+        curve = None if bias is None else _curve(bias)
+        known = curve is not None and curve.is_known
+        return ImuCalibration(
+            gyro_bias_curve=curve,
+            gyro_matrix=scale.matrix if scale else IDENTITY,
+            gyro_per_force=bias.per_force_rad_s if bias else NO_MATRIX,
+            accel_offset_m_s2=accel.offset_m_s2 if accel else (0.0, 0.0, 0.0),
+            accel_matrix=accel.matrix if accel else IDENTITY,
+            accel_sigma_m_s2=accel.sigma_m_s2 if accel else UNCALIBRATED.accel_sigma_m_s2,
+            gyro_scale_sigma=float(np.hypot(scale.scale_sigma, SCALE_DRIFT))
+            if scale
+            else UNCALIBRATED.gyro_scale_sigma,
+            gyro_bias_sigma_rad_s=curve.sigma_rad_s if curve and known else UNCALIBRATED.gyro_bias_sigma_rad_s,
+            gyro_bias_sigma_rad_s_degc=(
+                curve.slope_sigma_rad_s_degc if curve and known else UNCALIBRATED.gyro_bias_sigma_rad_s_degc
+            ),
+            lowest_degc=self.made.lowest_degc - MARGIN_DEGC,
+            highest_degc=self.made.highest_degc + MARGIN_DEGC,
+            magnetometer=None
+            if magnetometer is None
+            else MagnetometerCalibration(
+                hard_iron_ut=magnetometer.hard_iron_ut,
+                soft_iron=magnetometer.soft_iron,
+                field_sigma=magnetometer.field_sigma,
+            ),
+        )
+
+    def check_fits(
+        self, chip: ChipIdentity, *, gyro_range_dps: int, accel_range_g: int, offsets: OffsetsTable | None = None
+    ) -> None:
+        """Raises CalibrationError, with the reason, where this is not the calibration of this chip as it is set.
+
+        offsets   what is written to the chip's own offset registers, None for the factory's words
+        """
+        mine, made = self.chip, self.made
+        if mine.is_fake != chip.is_fake:
+            raise CalibrationError(f"it was made on {mine.bus} and this is {chip.bus}: a fake chip is not a real one")
+        if mine.who_am_i != chip.who_am_i:
+            raise CalibrationError(
+                f"it is of a chip with WHO_AM_I 0x{mine.who_am_i:02x}, this one has 0x{chip.who_am_i:02x}: calibrate it"
+            )
+        if mine.fingerprint and chip.fingerprint:
+            if mine.fingerprint != chip.fingerprint:
+                raise CalibrationError(
+                    "it is of another chip of the same kind, by the factory's trim: calibrate this one"
+                )
+        elif (mine.bus, mine.address) != (chip.bus, chip.address):
+            raise CalibrationError(
+                f"it is of the chip at 0x{mine.address:02x} on {mine.bus}, this one is at 0x{chip.address:02x} on "
+                f"{chip.bus}, and its factory's trim cannot be compared: calibrate it"
+            )
+        if (made.gyro_range_dps, made.accel_range_g) != (gyro_range_dps, accel_range_g):
+            raise CalibrationError(
+                f"it was made at {made.gyro_range_dps} deg/s and {made.accel_range_g} g, the chip is set to "
+                f"{gyro_range_dps} deg/s and {accel_range_g} g: set the same in [chip], or calibrate anew"
+            )
+        if self.offsets != offsets:
+            raise CalibrationError(
+                "it was made with other words in the chip's offset registers: set the same in [offsets], or calibrate "
+                "anew"
+            )
+
+
+def reasons_worse(new: CalibrationRecord, *, than: CalibrationRecord) -> tuple[str, ...]:
+    """What `than` has or knows better than the new record, in words; none where the new one may take its place."""
+    reasons = [
+        f"it has no {name.replace('_', ' ')}"
+        for name in ("accelerometer", "gyro_bias", "gyro_scale", "magnetometer")
+        if getattr(than, name) is not None and getattr(new, name) is None
+    ]
+    for name, field in (
+        ("accelerometer", "sigma_m_s2"),
+        ("gyro_bias", "sigma_rad_s"),
+        ("gyro_scale", "scale_sigma"),
+        ("magnetometer", "field_sigma"),
+    ):
+        old_table, new_table = getattr(than, name), getattr(new, name)
+        if old_table is None or new_table is None:
+            continue
+        ratio = getattr(new_table, field) / max(getattr(old_table, field), 1e-12)
+        if ratio > 1.25:
+            reasons.append(f"its {name.replace('_', ' ')} is {ratio:.1f} times less sure")
+    old_span, new_span = (
+        r.gyro_bias.highest_degc - r.gyro_bias.lowest_degc if r.gyro_bias else inf for r in (than, new)
+    )
+    if old_span < inf and new_span < 0.8 * old_span:
+        reasons.append(f"its bias is known over {new_span:.0f} degC, not over {old_span:.0f}")
+    return tuple(reasons)
+
+
+def is_better(new: CalibrationRecord, *, than: CalibrationRecord) -> bool:
+    """Whether the new record has all the old one has, as sure and over as many temperatures."""
+    return not reasons_worse(new, than=than)
+
+
+def accelerometer_table(fit: AccelerometerFit) -> AccelerometerTable:
+    return AccelerometerTable(
+        offset_m_s2=fit.offset_m_s2,
+        offset_sigma_m_s2=vector(fit.sigma[:3] * STANDARD_GRAVITY_M_S2),
+        matrix=fit.matrix,
+        matrix_sigma=_matrix(fit.sigma[3:]),
+        frame=fit.frame,
+        undetermined=fit.undetermined,
+        sigma_m_s2=fit.accel_sigma_m_s2,
+        rms_before_g=fit.rms_before_g,
+        rms_after_g=fit.rms_after_g,
+        residual_g=fit.residual_g,
+    )
+
+
+def gyro_bias_table(fit: BiasFit) -> GyroBiasTable:
+    curve = fit.curve()
+    return GyroBiasTable(
+        reference_degc=curve.reference_degc,
+        coefficients_rad_s=curve.coefficients_rad_s,
+        lowest_degc=curve.lowest_degc,
+        highest_degc=curve.highest_degc,
+        sigma_rad_s=curve.sigma_rad_s,
+        slope_sigma_rad_s_degc=curve.slope_sigma_rad_s_degc,
+        per_force_rad_s=fit.per_force,
+        residual_rms_rad_s=float(np.sqrt((fit.residual_rad_s**2).mean())),
+    )
+
+
+def gyro_scale_table(fit: TurnFit) -> GyroScaleTable:
+    return GyroScaleTable(
+        matrix=fit.matrix,
+        matrix_sigma=_matrix(fit.sigma),
+        undetermined=fit.undetermined,
+        scale_sigma=fit.scale_sigma,
+        # A turn whose angle was not known has no residual about the vertical.
+        residual_deg=tuple(tuple(r for r in row if r == r) for row in fit.residual_deg.tolist()),
+    )
+
+
+def magnetometer_table(fit: MagnetometerFit) -> MagnetometerTable:
+    return MagnetometerTable(
+        hard_iron_ut=fit.calibration.hard_iron_ut,
+        hard_iron_sigma_ut=vector(np.sqrt(np.diag(fit.covariance)[:3]) * fit.field_ut),
+        soft_iron=fit.calibration.soft_iron,
+        field_ut=fit.field_ut,
+        field_sigma=fit.calibration.field_sigma,
+        coverage=fit.coverage,
+        rms_before=fit.rms_before,
+        rms_after=fit.rms_after,
+    )
+
+
+def _curve(table: GyroBiasTable) -> BiasCurve:
+    return BiasCurve(
+        reference_degc=table.reference_degc,
+        coefficients_rad_s=table.coefficients_rad_s,
+        lowest_degc=table.lowest_degc,
+        highest_degc=table.highest_degc,
+        sigma_rad_s=table.sigma_rad_s,
+        slope_sigma_rad_s_degc=table.slope_sigma_rad_s_degc,
+    )
+
+
+def _matrix(nine: FloatArray) -> Matrix:
+    x, y, z = (vector(row) for row in nine.reshape(3, 3))
+    return x, y, z
