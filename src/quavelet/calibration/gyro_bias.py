@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import exp, log
 
 import numpy as np
 
@@ -147,8 +146,3 @@ def _fitted(
         columns.append(found * prior)
     coefficients = np.stack(columns, axis=1)
     return evidence, coefficients, worst, rates - design @ coefficients
-
-
-def odds(evidence: float) -> float:
-    """How many times less likely a degree is than the one taken, from `BiasFit.evidence`."""
-    return exp(min(evidence, log(1e12)))
