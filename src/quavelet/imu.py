@@ -11,7 +11,7 @@ from quavelet.bus.open import open_bus, open_line
 from quavelet.bus.protocol import DataReady, I2CBus
 from quavelet.calibration.model import UNCALIBRATED
 from quavelet.calibration.record import CalibrationRecord, ChipIdentity, OffsetsTable
-from quavelet.calibration.record_file import any_records, find_record, load_record
+from quavelet.calibration.record_file import any_records, as_toml, find_record, load_record
 from quavelet.core.blocks import AttitudeBlock
 from quavelet.core.clock import Clock, MonotonicClock
 from quavelet.core.closing import Closing
@@ -98,6 +98,11 @@ class Imu(Closing):
     def measured_rate_hz(self) -> float | None:
         """The chip's sample rate by the host's clock, None until it is measured."""
         return self.source.decoder.measured_rate_hz if self.source.decoder else None
+
+    @property
+    def calibration_text(self) -> str:
+        """The file of the calibration in use, "" without one: what a recording keeps."""
+        return as_toml(self.calibration) if self.calibration else ""
 
     def _begin_stream(self, info: StreamInfo) -> None:
         self._calibrate(info)

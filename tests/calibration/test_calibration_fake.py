@@ -23,8 +23,13 @@ from quavelet.core.blocks import AttitudeBlock, Flag, concat
 from quavelet.core.clock import VirtualClock
 from quavelet.core.errors import CalibrationError
 from quavelet.core.euler import to_euler
+from quavelet.core.health import Health
 from quavelet.core.units import NS_PER_S
 from quavelet.imu import Imu
+from quavelet.pipeline import build_pipeline
+from quavelet.recording.reader import RecordingReader
+from quavelet.recording.replay import ReplaySource
+from quavelet.recording.writer import RecordingWriter
 from quavelet.settings import CalibrationSettings, LoopSettings, Settings
 
 SLOPE_DPS_DEGC = 0.02
@@ -51,11 +56,11 @@ def folder(tmp_path, monkeypatch):
     return tmp_path / "quavelet" / "calibration"
 
 
-def imu_on(motion, *, board=WARMING, settings=SETTINGS, trim=None, notes=None) -> Imu:
-    clock = VirtualClock()
+def imu_on(motion, *, board=WARMING, settings=SETTINGS, trim=None, notes=None, clock=None, **ways) -> Imu:
+    clock = clock or VirtualClock()
     chip = FakeMpu6050(clock, motion=motion, imperfections=board, seed=3, **({"accel_trim": trim} if trim else {}))
     bus = FakeBus({0x68: chip}, clock=clock, name="fake:bench")
-    return Imu(bus, settings=settings, clock=clock, on_note=None if notes is None else notes.append)
+    return Imu(bus, settings=settings, clock=clock, on_note=None if notes is None else notes.append, **ways)
 
 
 def run(imu: Imu, seconds: float) -> AttitudeBlock:
@@ -194,6 +199,25 @@ def test_a_file_that_does_not_fit_is_told_of_and_not_used_unless_it_was_asked_fo
     named = structs.replace(settings, calibration=CalibrationSettings(file=str(path)))
     with pytest.raises(CalibrationError, match=path.name):
         run(imu_on(Still(), settings=named), 1.0)
+
+
+def test_a_recording_is_replayed_with_the_calibration_it_was_made_with(folder, tmp_path):
+    made = imu_on(Still())
+    record = made_for(made, accelerometer=good_accelerometer())
+    save_record(record, folder / file_name(record.chip))
+    path, clock = tmp_path / "a.qrec", VirtualClock()
+    with RecordingWriter(path, settings=SETTINGS, clock=clock) as writer:
+        imu = imu_on(Still(), clock=clock, on_stream=writer.begin, on_drain=writer.write)
+        writer.calibration = lambda: imu.calibration_text
+        live = run(imu, 4.0)
+    replay = ReplaySource(RecordingReader(path), health=Health())
+    assert replay.calibration == record.calibration()
+    pipeline = build_pipeline(replay.settings, calibration=replay.calibration)
+    again = []
+    while (block := replay.read()) is not None:
+        again.append(pipeline.process(block))
+    assert concat(again).q.tobytes() == live.q.tobytes()
+    assert concat(again).accel_m_s2.tobytes() == live.accel_m_s2.tobytes()
 
 
 def test_the_search_can_be_switched_off(folder):

@@ -36,12 +36,15 @@ def replay(
     json: options.Json = False,
     speed: Speed = None,
 ) -> None:
-    """Give the attitude of a recording, with the settings it was recorded with or those of --config."""
+    """Give the attitude of a recording, with the settings it was recorded with or those of --config.
+
+    A calibration that was in use is used again.
+    """
     reader = RecordingReader(file)
     health = Health()
     source = ReplaySource(reader, health=health)
     settings = options.settings_of(None, None, config).settings if config else source.settings
-    pipeline = build_pipeline(settings)
+    pipeline = build_pipeline(settings, calibration=source.calibration)
     to_panel = sys.stdout.isatty() and not json
     if speed is None:
         speed = 1.0 if to_panel else float("inf")

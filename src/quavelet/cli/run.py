@@ -80,6 +80,8 @@ def run_live(
             on_drain=records.publish,
             on_note=talk,
         )
+        if record is not None:
+            writer.calibration = lambda: imu.calibration_text
         try:
             # Asks who is there, before anything else is set or said.
             imu.read()

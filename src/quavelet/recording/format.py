@@ -71,6 +71,7 @@ class Header:
     started_utc   wall-clock time when the stream began, ISO 8601, UTC
     started_ns    the same instant by the clock of the drains
     version       of the package that wrote it
+    calibration   the text of the calibration's file that was in use, "" without one
     """
 
     stream: StreamInfo
@@ -78,6 +79,7 @@ class Header:
     started_utc: str
     started_ns: int
     version: str
+    calibration: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from math import isinf
 
+from quavelet.calibration.model import UNCALIBRATED, ImuCalibration
+from quavelet.calibration.record_file import from_toml
 from quavelet.core.blocks import RawBlock
 from quavelet.core.clock import Clock
 from quavelet.core.errors import SettingsError
@@ -40,6 +42,12 @@ class ReplaySource:
     def settings(self) -> Settings:
         """The settings it was recorded with. Raises SettingsError where this version no longer takes them."""
         return parse_settings(self._reader.header.settings, where=f"{self._reader.path} (recorded settings)")
+
+    @property
+    def calibration(self) -> ImuCalibration:
+        """The calibration it was recorded with. Raises CalibrationError where this version no longer takes it."""
+        text = self._reader.header.calibration
+        return from_toml(text).calibration() if text else UNCALIBRATED
 
     def read(self) -> RawBlock | None:
         """The samples of the next drain. Raises RecordingError where the file cannot be read on."""

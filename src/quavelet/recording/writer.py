@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno as codes
 import os
+from collections.abc import Callable
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -44,6 +45,8 @@ class RecordingWriter:
     that exists is refused unless `overwrite`. `clock` is the one the drains are timed by. Every method raises
     RecordingError where the file cannot be written; it is closed then, and what it holds can be read.
 
+    `calibration` is asked, when a stream begins, for the text of the calibration's file that is in use.
+
     A killed process loses a second of drains at most; on a loss of power the operating system also loses what
     it has not yet put on the disk (on Linux about 30 s by its defaults). `close` waits for the disk.
     """
@@ -53,6 +56,7 @@ class RecordingWriter:
     ) -> None:
         self.path = Path(path)
         self._settings = settings
+        self.calibration: Callable[[], str] = str
         self._clock = clock or MonotonicClock()
         self._stream_crc = 0
         self._begun = False
@@ -83,6 +87,7 @@ class RecordingWriter:
             started_utc=datetime.now(UTC).isoformat(),
             started_ns=now_ns,
             version=version("quavelet"),
+            calibration=self.calibration(),
         )
         payload = pack_header(header)
         self._stream_crc = checksum(Kind.HEADER, payload, stream_crc=0)
