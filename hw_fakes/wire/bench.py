@@ -25,11 +25,14 @@ MOVES_S = 1.5
 TURN_DEG_S = 60.0
 PLACED_DEG = 0.2
 """How a hand puts a board down, one sigma about each axis; and back against its edge, after a turn."""
+LIES_SO_DEG = 3.0
+"""A board that lies so already is not touched."""
 WARM_UP_S = 60.0
 """A small board comes to its own temperature faster than the fakes of other scenarios."""
 WARMED_DEGC = 25.0
 COOLS_S = 120.0
 SWINGS = 40
+ATTITUDES = 31
 
 
 class BenchBus(FakeBus):
@@ -54,8 +57,11 @@ class BenchBus(FakeBus):
             seed=seed,
             personality=bought.personality,
             aux=aux,
+            accel_trim=_trim(seed),
         )
         self._hand = np.random.default_rng((seed, 50))
+        self._attitudes = self._hand.permutation(_all_round(ATTITUDES))
+        self._put_down(np.array([0.02, -0.06, 1.0]), -10.0)
         super().__init__({ADDRESS: self.chip, **aux.outside()}, clock=clock, name=name)
 
     def follow(self, instruction: Instruction, /) -> None:
@@ -71,7 +77,7 @@ class BenchBus(FakeBus):
                 takes_s = 2.0 + abs(instruction.turn_deg) / TURN_DEG_S
                 self.motion.turn(UP, angle_deg * RAD_PER_DEG, at_s=at_s, takes_s=takes_s)
             case "pose":
-                self._put_down(self._hand.standard_normal(3), at_s)
+                self._put_down(self._attitudes[len(self.told) % len(self._attitudes)], at_s)
             case "warm":
                 now_degc = float(self.sensor.temperature_degc(np.array([at_s]))[0])
                 self.sensor.goes_to(now_degc + 2.0 * WARMED_DEGC, from_s=at_s, within_s=30.0)
@@ -94,7 +100,16 @@ class BenchBus(FakeBus):
     def _put_down(self, up: FloatArray, at_s: float) -> None:
         lean = PLACED_DEG * RAD_PER_DEG * self._hand.standard_normal(3)
         up = up / np.linalg.norm(up)
+        now = self.motion.specific_force_m_s2(np.array([max(at_s, self.motion.free_s)]))[0]
+        if now @ up > np.cos(LIES_SO_DEG * RAD_PER_DEG) * np.linalg.norm(now):
+            return
         self.motion.bring_up(up + np.cross(lean, up), at_s=at_s, takes_s=MOVES_S)
+
+
+def _trim(seed: int) -> tuple[int, int, int]:
+    """The factory's accelerometer offsets, by which one chip is told from another."""
+    x, y, z = np.random.default_rng((seed, 51)).integers(-2500, 2500, 3).tolist()
+    return x, y, z
 
 
 def _all_round(n: int) -> FloatArray:

@@ -10,6 +10,7 @@ from quavelet.bench.session import Session, View
 from quavelet.bench.session_conduct import conduct
 from quavelet.bench.session_evidence import Chip, Evidence
 from quavelet.bench.session_store import SessionStore
+from quavelet.calibration.record import ChipIdentity
 from quavelet.core.clock import VirtualClock
 from quavelet.core.health import Health
 from quavelet.core.instruction import Instruction
@@ -49,9 +50,7 @@ class Bench:
         )
         info = self.source.wait_until_streaming()
         self.chip = Chip(
-            src=self.bus.name,
-            address=0x68,
-            who_am_i=info.who_am_i,
+            identity=ChipIdentity(who_am_i=info.who_am_i, name=info.variant.name, bus=self.bus.name, address=0x68),
             gyro_range_dps=SETTINGS.chip.gyro_range_dps,
             accel_range_g=SETTINGS.chip.accel_range_g,
             scale=info.scale,

@@ -20,7 +20,7 @@ from quavelet.core.instruction import Instruction
 KINDS: tuple[type[Step], ...] = (WarmUp, Rest, Faces, Turns, Poses, Temperature, LongStill, Field, Check)
 STEPS = tuple(kind.name for kind in KINDS)
 """In the order in which they are done."""
-USUAL = (WarmUp.name, Rest.name, Faces.name, Turns.name, Check.name)
+USUAL = (WarmUp.name, Rest.name, Faces.name, Turns.name, Poses.name, Check.name)
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,6 +105,16 @@ class Session:
             self._steps[self._at].name in self.evidence.done or self._steps[self._at].progress >= 1.0
         ):
             self._at += 1
+
+
+NEED_CHECK = (Rest.name, Faces.name, Turns.name, Poses.name, Temperature.name)
+"""What they calibrate is judged by poses that no fit sees, so the check goes with them."""
+
+
+def with_check(names: Sequence[str]) -> tuple[str, ...]:
+    """The names, and the check where there will be something to be judged by it. Raises SettingsError."""
+    names = checked(names)
+    return (*names, Check.name) if Check.name not in names and set(names) & set(NEED_CHECK) else names
 
 
 def checked(names: Sequence[str]) -> tuple[str, ...]:

@@ -59,10 +59,10 @@ def conduct(
                 raise CalibrationError("the samples ended before the session did: resume it with the board")
             session.feed(block)
             view = session.view()
+            operator.show(view)
             if view.asked != asked and view.instruction is not None and view.seen is not None:
                 asked = view.asked
                 operator.ask(view.instruction)
-            operator.show(view)
             if session.done:
                 return True
             if view.at != begun[0]:

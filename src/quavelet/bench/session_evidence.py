@@ -9,6 +9,7 @@ import numpy as np
 
 from quavelet.calibration.model import Vector
 from quavelet.calibration.poses import StillPose, vector
+from quavelet.calibration.record import ChipIdentity
 from quavelet.core.blocks import CountArray, FlagArray, FloatArray, IntArray, RawBlock, Scale
 from quavelet.core.units import DEG_PER_RAD
 
@@ -16,9 +17,7 @@ from quavelet.core.units import DEG_PER_RAD
 class Chip(msgspec.Struct, frozen=True, kw_only=True):
     """Which chip it is of, and how that was set: evidence of another cannot be gone on with."""
 
-    src: str
-    address: int
-    who_am_i: int
+    identity: ChipIdentity
     gyro_range_dps: int
     accel_range_g: int
     scale: Scale
@@ -98,6 +97,11 @@ class Evidence(msgspec.Struct, kw_only=True):
     told: list[Move] = []
     still: StillRun | None = None
     field_ut: list[Vector] = []
+
+    @property
+    def measured_bias(self) -> bool:
+        """Whether the gyroscope's bias was asked for, and not only met in passing."""
+        return bool({"rest", "temperature"} & set(self.done))
 
     def count(self) -> int:
         """How much there is: grows with whatever is added."""

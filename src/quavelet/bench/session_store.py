@@ -75,7 +75,8 @@ class SessionStore:
 
 
 def _in_words(chip: Chip) -> str:
+    one = chip.identity
     return (
-        f"{chip.src} 0x{chip.address:02x}, WHO_AM_I 0x{chip.who_am_i:02x}, "
-        f"{chip.gyro_range_dps} deg/s, {chip.accel_range_g} g"
+        f"{one.name} at 0x{one.address:02x} on {one.bus} {one.fingerprint}, {chip.gyro_range_dps} deg/s, "
+        f"{chip.accel_range_g} g"
     )

@@ -49,9 +49,10 @@ class Seen:
 class Watch:
     """Raw blocks to what is seen. A pose is given after 3.5 s of stillness, and again each 3 s while it lasts."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, pose_s: float = POSE_S - 0.5, longest_s: float = POSE_S) -> None:
+        """pose_s   a stillness that ends after so long is a pose, too; longest_s   see `PoseCollector`"""
         self._si = Calibrate(UNCALIBRATED)
-        self._collector = PoseCollector(shortest_s=POSE_S - 0.5, longest_s=POSE_S)
+        self._collector = PoseCollector(shortest_s=pose_s, longest_s=longest_s)
         self._before: StillPose | None = None
         self._since: list[RawBlock] = []
         self._temps: deque[tuple[float, float]] = deque()

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 
 import typer
 
-from quavelet.cli import align, config, demo, doctor, exits, replay, report, reproduce, run
+from quavelet.cli import align, calibrate, config, demo, doctor, exits, replay, report, reproduce, run
 from quavelet.core.errors import ImuError
 
 app = typer.Typer(
@@ -25,6 +25,7 @@ app.command("run")(run.run)
 app.command("demo")(demo.demo)
 app.command("replay")(replay.replay)
 app.command("doctor")(doctor.doctor)
+app.command("calibrate")(calibrate.calibrate)
 app.command("align")(align.align)
 app.command("report")(report.report)
 app.command("reproduce")(reproduce.reproduce)

@@ -35,7 +35,7 @@ def doctor(
     """
     settings = options.settings_of(bus, address, config, accept_id).settings
     clock: Clock = VirtualClock() if options.on_virtual_time(settings, virtual_time) else MonotonicClock()
-    show = _show_json if json else _show_lines
+    show = _show_json if json else show_lines
     check = CheckUp(settings, clock=clock, waiting=_wait)
     bad: list[Finding] = []
     looked = 0
@@ -70,7 +70,8 @@ def _wait(text: str) -> None:
         print(f"     ({text})", file=sys.stderr)
 
 
-def _show_lines(finding: Finding) -> None:
+def show_lines(finding: Finding) -> None:
+    """A finding and its advice on stdout."""
     to_terminal = sys.stdout.isatty()
     mark, colour = ("BAD ", "red") if not finding.ok else ("note", "yellow") if finding.advice else ("ok  ", "green")
     # In a file or a pipe each finding and each advice is a line, for grep.

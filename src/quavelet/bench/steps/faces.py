@@ -12,7 +12,7 @@ from quavelet.core.blocks import FloatArray
 from quavelet.core.instruction import FACES, Instruction
 
 APART_DEG = 20.0
-HELD_POSES = 18
+HELD_POSES = 12
 CHECK_POSES = 4
 
 

@@ -89,11 +89,13 @@ class Rest(Step):
         return f"{min(REST_POSES, self._poses) * POSE_S:.0f} of {REST_POSES * POSE_S:.0f} s"
 
     def take(self, seen: Seen) -> None:
-        self.notice = too_hot(seen)
+        hot, was_still = too_hot(seen), self._since_s > 0.0
         self._since_s = min(seen.still_s, STILL_S)
-        if seen.still_s == 0.0 and not self.notice:
+        if hot or seen.still_s > 1.0:
+            self.notice = hot
+        elif was_still and seen.still_s == 0.0:
             self.notice = MOVED
-        if not too_hot(seen):
+        if not hot:
             self._poses += len(seen.poses)
             self.evidence.rest += seen.poses
 

@@ -1,0 +1,38 @@
+"""A recording in place of the board: whatever still poses and turns it holds are the evidence."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from quavelet.bench.session_evidence import Chip, Evidence
+from quavelet.bench.session_watch import Watch
+from quavelet.bench.steps.turns import turn_of
+from quavelet.core.blocks import RawBlock
+
+HELD_OUT = 1 / 3
+"""So many poses are held out, for the verdict."""
+GOLDEN = 0.6180339887
+"""Steps by the golden section fall in with no rhythm of the recording."""
+PIECE = 4096
+
+
+def evidence_of(blocks: Iterable[RawBlock], chip: Chip) -> Evidence:
+    """The poses of a recording, any length of one second or more, and the turns between them.
+
+    Nobody says that a face was met exactly: the poses count by their norms alone, so the axes are the sensor's own.
+    Whole turns about an axis that was upright are taken as such.
+    """
+    evidence, watch = Evidence(chip=chip), Watch(pose_s=1.0, longest_s=10.0)
+    n = 0
+    for block in blocks:
+        for begin in range(0, len(block), PIECE):
+            seen = watch.seen(block[begin : begin + PIECE])
+            for pose in seen.poses:
+                n += 1
+                (evidence.check if GOLDEN * n % 1.0 < HELD_OUT else evidence.poses).append(pose)
+            for move in seen.moves:
+                found, face = turn_of(move.turned_deg), move.before.face
+                upright = found is not None and face is not None and face[1] == "xyz"[found[0]]
+                (evidence.told if upright and face == move.after.face else evidence.moves).append(move)
+    evidence.done += ["rest", "poses"] if evidence.poses else []
+    return evidence

@@ -1,0 +1,168 @@
+"""From what a session measured to a calibration: each estimator in its turn, none where its step was left out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from quavelet.bench.session_evidence import Evidence, Move
+from quavelet.bench.steps.turns import turn_of
+from quavelet.calibration.accelerometer import AccelerometerFit, fit_accelerometer
+from quavelet.calibration.allan import ACCEL, GYRO, AllanCurve, DataSheet, NoiseFit, allan_deviation, fit_noise
+from quavelet.calibration.calibrate import Calibrate
+from quavelet.calibration.gyro_bias import BiasFit, fit_gyro_bias
+from quavelet.calibration.magnetometer import MagnetometerFit, fit_magnetometer
+from quavelet.calibration.model import UNCALIBRATED
+from quavelet.calibration.poses import StillPose
+from quavelet.calibration.record import (
+    CalibrationRecord,
+    Made,
+    accelerometer_table,
+    gyro_bias_table,
+    gyro_scale_table,
+    magnetometer_table,
+)
+from quavelet.calibration.turns import Turn, TurnFit, fit_turns, turn_between
+from quavelet.core.errors import CalibrationError
+from quavelet.core.units import RAD_PER_DEG
+
+BIAS_SIGMA_RAD_S = 0.01 * RAD_PER_DEG
+"""What a bias measured some minutes before is off by, one sigma."""
+LEAST_POSES = 4
+SURE_SCALE = 0.003
+"""What moves that nobody asked for show of the scale is taken where it is as sure as that."""
+
+
+@dataclass(frozen=True, slots=True)
+class AxisNoise:
+    """The noise of one axis, from the long still run."""
+
+    sheet: DataSheet
+    axis: str
+    curve: AllanCurve
+    fit: NoiseFit | None
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """All fits of a session, None where there was nothing to fit, and the record they make.
+
+    refused   by estimator, why it gave nothing although its step was done
+    """
+
+    evidence: Evidence
+    accel: AccelerometerFit | None
+    bias: BiasFit | None
+    turns: TurnFit | None
+    field: MagnetometerFit | None
+    noise: tuple[AxisNoise, ...]
+    refused: dict[str, str]
+    record: CalibrationRecord
+
+
+def work_out(evidence: Evidence, *, utc: str, version: str) -> Result:
+    """Every fit that the evidence allows. Those that fail are named in `refused`, and leave their part uncalibrated.
+
+    utc, version   when and by what it was made, for the record
+    """
+    refused: dict[str, str] = {}
+    accel = turns = field = None
+    if evidence.placed or len(evidence.poses) >= LEAST_POSES:
+        try:
+            accel = fit_accelerometer(evidence.poses, placed=evidence.placed)
+        except CalibrationError as error:
+            refused["accelerometer"] = str(error)
+    poses = _every_pose(evidence)
+    bias = fit_gyro_bias([accel.pose(pose) if accel else pose for pose in poses]) if poses else None
+    if bias is not None and (evidence.told or evidence.moves):
+        try:
+            turns = fit_turns(_turns(evidence, accel, bias), bias_sigma_rad_s=BIAS_SIGMA_RAD_S)
+        except CalibrationError as error:
+            # Moves that nobody asked for may show no scale; turns that were asked for have to.
+            if evidence.told:
+                refused["gyroscope scale"] = str(error)
+    if turns is not None and not evidence.told and turns.scale_sigma > SURE_SCALE:
+        turns = None
+    if not evidence.measured_bias:
+        bias = None
+    if evidence.field_ut:
+        try:
+            field = fit_magnetometer(np.array(evidence.field_ut))
+        except CalibrationError as error:
+            refused["magnetometer"] = str(error)
+    record = _record(evidence, (utc, version), accel, bias, turns, field)
+    return Result(evidence, accel, bias, turns, field, _noise(evidence), refused, record)
+
+
+def _every_pose(evidence: Evidence) -> list[StillPose]:
+    """All but those held out, each once, in the order of time."""
+    ends = (pose for move in (*evidence.moves, *evidence.told) for pose in (move.before, move.after))
+    held_out = {pose.begin_ns for pose in evidence.check}
+    every = {pose.begin_ns: pose for pose in (*evidence.rest, *evidence.placed, *evidence.poses, *ends)}
+    return [every[begin] for begin in sorted(every) if begin not in held_out]
+
+
+def _turns(evidence: Evidence, accel: AccelerometerFit | None, bias: BiasFit) -> list[Turn]:
+    turns = [_turn(move, evidence, accel, bias) for move in evidence.moves]
+    for move in evidence.told:
+        found = turn_of(move.turned_deg)
+        assert found is not None, "only such are taken"
+        axis, way = found
+        turn = _turn(move, evidence, accel, bias)
+        turns.append(None if turn is None else replace(turn, axis=axis, angle_rad=way * 2.0 * np.pi))
+    return [turn for turn in turns if turn is not None]
+
+
+def _turn(move: Move, evidence: Evidence, accel: AccelerometerFit | None, bias: BiasFit) -> Turn | None:
+    """None where a rate was beyond the range."""
+    rows = Calibrate(UNCALIBRATED).process(move.rows(evidence.chip.scale))
+    before, after = move.before, move.after
+    if accel is not None:
+        rows, before, after = accel.block(rows), accel.pose(before), accel.pose(after)
+    try:
+        return turn_between(rows, before, after, bias_rad_s=bias.rows(rows))
+    except CalibrationError:
+        return None
+
+
+def _record(
+    evidence: Evidence,
+    made: tuple[str, str],
+    accel: AccelerometerFit | None,
+    bias: BiasFit | None,
+    turns: TurnFit | None,
+    field: MagnetometerFit | None,
+) -> CalibrationRecord:
+    temps = [pose.temp_degc for pose in (*_every_pose(evidence), *evidence.check)] or [25.0]
+    return CalibrationRecord(
+        chip=evidence.chip.identity,
+        made=Made(
+            utc=made[0],
+            version=made[1],
+            gyro_range_dps=evidence.chip.gyro_range_dps,
+            accel_range_g=evidence.chip.accel_range_g,
+            lowest_degc=min(temps),
+            highest_degc=max(temps),
+        ),
+        accelerometer=accelerometer_table(accel) if accel else None,
+        gyro_bias=gyro_bias_table(bias) if bias else None,
+        gyro_scale=gyro_scale_table(turns) if turns else None,
+        magnetometer=magnetometer_table(field) if field else None,
+    )
+
+
+def _noise(evidence: Evidence) -> tuple[AxisNoise, ...]:
+    run = evidence.still
+    if run is None:
+        return ()
+    found = []
+    for sheet, values in zip((GYRO, ACCEL), run.si(evidence.chip.scale), strict=True):
+        for axis, column in zip("xyz", values.T, strict=True):
+            curve = allan_deviation(column, period_s=run.period_s)
+            try:
+                fit = fit_noise(curve)
+            except ValueError:
+                fit = None
+            found.append(AxisNoise(sheet, axis, curve, fit))
+    return tuple(found)

@@ -1,0 +1,41 @@
+"""The instructions in words, from the same table of faces as the mathematics and the live check."""
+
+from __future__ import annotations
+
+from quavelet.core.instruction import Instruction
+
+_WAY = {"+": "up", "-": "down"}
+_LEFT, _RIGHT = "left (counter-clockwise from above)", "right (clockwise from above)"
+
+
+def in_words(instruction: Instruction) -> str:
+    """What a person is to do, as one sentence."""
+    match instruction.action:
+        case "rest":
+            return "Leave the board lying still on the table, and let go of it and its cable."
+        case "face":
+            return f"{_put(instruction.face)} Let go."
+        case "turn":
+            axis, way = instruction.face[1].upper(), _WAY[instruction.face[0]]
+            turn = _LEFT if instruction.turn_deg > 0 else _RIGHT
+            return (
+                f"Leave {axis} pointing {way}. Hold the board to a straight edge, turn it once all the way round to "
+                f"the {turn}, in five seconds or more, back to the edge. Let go."
+            )
+        case "pose":
+            return "Lean it against something, or hold it quite still, in an attitude it was not in before."
+        case "warm":
+            return (
+                "Warm it by 15 degC or more, with a hair dryer from afar or a warm hand. Then leave it lying while it "
+                "cools."
+            )
+        case "swing":
+            return "Turn it slowly through all attitudes, each axis up and down once, away from iron and cables."
+
+
+def _put(face: str) -> str:
+    axis, way = face[1].upper(), _WAY[face[0]]
+    if axis == "Z":
+        side = "on top" if face[0] == "+" else "below"
+        return f"Lay it flat with the chip {side}: Z points {way}."
+    return f"Stand it on edge so that the arrow printed {axis} points straight {way}."

@@ -1,0 +1,274 @@
+"""`quavelet calibrate`: leads a person at a bench through a calibration, judges it, and saves it."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+import typer
+
+from quavelet.bench.finding import Finding
+from quavelet.bench.session import STEPS, USUAL, Session, with_check
+from quavelet.bench.session_conduct import conduct
+from quavelet.bench.session_evidence import Chip, Evidence
+from quavelet.bench.session_recorded import evidence_of
+from quavelet.bench.session_result import Result, work_out
+from quavelet.bench.session_store import SessionStore
+from quavelet.bench.session_verdict import verdict
+from quavelet.bus.open import open_bus
+from quavelet.bus.protocol import FollowsInstructions, I2CBus
+from quavelet.calibration.record import CalibrationRecord, ChipIdentity, reasons_worse
+from quavelet.calibration.record_file import check_writable, default_path, load_record, save_record
+from quavelet.cli import exits, options
+from quavelet.cli.calibrate_operator import operator_for
+from quavelet.cli.doctor import show_lines
+from quavelet.cli.run import stopped_by_signals, talk
+from quavelet.core.clock import Clock, MonotonicClock, VirtualClock
+from quavelet.core.errors import CalibrationError, ImuError, SettingsError
+from quavelet.core.health import Health
+from quavelet.mpu6050.access import RegisterAccess
+from quavelet.mpu6050.fingerprint import fingerprint_of
+from quavelet.mpu6050.magnetometer.asked import MagnetometerParams
+from quavelet.mpu6050.source import ChipSource
+from quavelet.mpu6050.stream import StreamInfo
+from quavelet.recording.reader import RecordingReader
+from quavelet.recording.replay import ReplaySource
+from quavelet.settings import Settings
+
+ALL = "all"
+USUAL_STEPS = ",".join(USUAL)
+PATIENCE_S = 1800.0
+"""A step that takes longer with nobody there does not come to its end."""
+
+Steps = Annotated[
+    str, typer.Option("--steps", help=f"Some of {','.join(STEPS)}, with commas between; or all.", metavar="STEP,...")
+]
+Out = Annotated[
+    Path | None, typer.Option("--out", help="Where it is saved [where `run` looks for it].", show_default=False)
+]
+Yes = Annotated[bool, typer.Option("--yes", help="Nobody is there: a fake bench does by itself what it is told.")]
+AsJson = Annotated[bool, typer.Option("--json", help="One JSON object.")]
+Resume = Annotated[bool, typer.Option("--resume", help="Go on with the session that was interrupted.")]
+Force = Annotated[
+    bool, typer.Option("--force", help="Save it even if it is not good enough, or worse than the one there.")
+]
+From = Annotated[
+    Path | None, typer.Option("--from", help="A recording in place of the board.", metavar="FILE", show_default=False)
+]
+
+
+class Calibrated(msgspec.Struct, frozen=True, kw_only=True):
+    """The JSON of `quavelet calibrate`.
+
+    verdict   "good", "not good enough", or "worse" than the calibration that is there
+    saved     where; None where it was not
+    reason    why it was not saved, "" where it was
+    """
+
+    v: int
+    src: str
+    verdict: str
+    saved: str | None
+    reason: str
+    findings: tuple[Finding, ...]
+    record: CalibrationRecord
+
+
+def calibrate(
+    bus: options.Bus = None,
+    address: options.Address = None,
+    accept_id: options.AcceptId = None,
+    config: options.Config = None,
+    steps: Steps = USUAL_STEPS,
+    out: Out = None,
+    yes: Yes = False,
+    json: AsJson = False,
+    resume: Resume = False,
+    force: Force = False,
+    from_file: From = None,
+    virtual_time: options.VirtualTime = False,
+) -> None:
+    """Calibrate a board on a bench, step by step; needs a table, something square, and some eight minutes.
+
+    Interrupted, it goes on with --resume. Exit code 6 where the result is not good enough: then nothing is saved.
+    """
+    names = with_check(STEPS if steps == ALL else [name.strip() for name in steps.split(",") if name.strip()])
+    settings = options.settings_of(bus, address, config, accept_id).settings
+    if "magnetometer" in names and not settings.magnetometer.used:
+        settings = msgspec.structs.replace(settings, magnetometer=MagnetometerParams(use="auto"))
+    store = None
+    if from_file is not None:
+        if bus is not None or virtual_time or resume:
+            raise typer.BadParameter("a recording has its own: leave --bus, --virtual-time, --resume out")
+        evidence, src = _recorded(from_file, out)
+        out = out or default_path(evidence.chip.identity)
+    else:
+        clock: Clock = VirtualClock() if options.on_virtual_time(settings, virtual_time) else MonotonicClock()
+        evidence, out, store = _measured(settings, clock, names, out, yes=yes, quiet=json, resume=resume)
+        src = settings.bus.name
+    result = work_out(evidence, utc=datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"), version=version("quavelet"))
+    raise typer.Exit(_ended(result, out, store, src=src, json=json, force=force))
+
+
+def _measured(
+    settings: Settings, clock: Clock, names: tuple[str, ...], out: Path | None, *, yes: bool, quiet: bool, resume: bool
+) -> tuple[Evidence, Path, SessionStore]:
+    """The whole session on a board. Raises Exit where it was stopped, ImuError where it cannot go on."""
+    with open_bus(settings.bus.name, clock=clock) as i2c:
+        if isinstance(i2c, FollowsInstructions) and not yes:
+            raise SettingsError(
+                f"nobody moves the board of {settings.bus.name} by hand: give --yes, and it moves itself"
+            )
+        source = ChipSource(
+            i2c,
+            address=settings.bus.address,
+            config=settings.chip,
+            accept_id=settings.bus.accept_id,
+            offsets=settings.offsets.plan(),
+            magnetometer=settings.magnetometer,
+            clock=clock,
+            health=Health(),
+        )
+        chip = _chip(i2c, source.wait_until_streaming(), settings, clock)
+        out = out or default_path(chip.identity)
+        check_writable(out)
+        store = SessionStore(out)
+        evidence = _begun(store, chip, resume=resume)
+        session, stop = Session(names, evidence), _Stop()
+        try:
+            with operator_for(i2c, quiet=quiet) as operator, stopped_by_signals(stop):
+                finished = conduct(
+                    session,
+                    source,
+                    settings=settings,
+                    clock=clock,
+                    operator=operator,
+                    store=store,
+                    stopped=stop.is_asked,
+                    patience_s=PATIENCE_S if yes else float("inf"),
+                )
+        except ImuError:
+            _tell_kept(store)
+            raise
+    if not finished:
+        _tell_kept(store)
+        raise typer.Exit(exits.INTERRUPTED)
+    return evidence, out, store
+
+
+def _begun(store: SessionStore, chip: Chip, *, resume: bool) -> Evidence:
+    if resume:
+        return store.load(chip)
+    if store.path.exists():
+        raise CalibrationError(
+            f"{store.path} is of a session that was not finished: go on with it by --resume, or remove it"
+        )
+    return Evidence(chip=chip)
+
+
+def _chip(i2c: I2CBus, info: StreamInfo, settings: Settings, clock: Clock) -> Chip:
+    access = RegisterAccess(i2c, address=info.address, clock=clock, health=Health())
+    return Chip(
+        identity=ChipIdentity(
+            who_am_i=info.who_am_i,
+            name=info.variant.name,
+            bus=info.src,
+            address=info.address,
+            fingerprint=fingerprint_of(access, variant=info.variant, offsets=settings.offsets.plan()),
+        ),
+        gyro_range_dps=info.gyro_range_dps,
+        accel_range_g=info.accel_range_g,
+        scale=info.scale,
+    )
+
+
+def _recorded(file: Path, out: Path | None) -> tuple[Evidence, str]:
+    """The evidence in a recording."""
+    reader = RecordingReader(file)
+    source = ReplaySource(reader, health=Health())
+    info = source.info
+    chip = Chip(
+        identity=ChipIdentity(who_am_i=info.who_am_i, name=info.variant.name, bus=info.src, address=info.address),
+        gyro_range_dps=info.gyro_range_dps,
+        accel_range_g=info.accel_range_g,
+        scale=info.scale,
+    )
+    check_writable(out or default_path(chip.identity))
+    evidence = evidence_of((block for block in iter(source.read, None) if len(block)), chip)
+    reader.check()
+    return evidence, f"replay:{info.src}"
+
+
+class _Stop:
+    """Whether Ctrl-C was pressed."""
+
+    def __init__(self) -> None:
+        self._asked = False
+
+    def __call__(self) -> None:
+        self._asked = True
+
+    def is_asked(self) -> bool:
+        return self._asked
+
+
+def _tell_kept(store: SessionStore) -> None:
+    if store.failure:
+        talk(store.failure)
+    elif store.path.exists():
+        talk(f"what was measured is kept in {store.path}: the same command with --resume goes on with it")
+
+
+def _ended(result: Result, out: Path, store: SessionStore | None, *, src: str, json: bool, force: bool) -> int:
+    """Judges, saves, tells; gives the exit code. Raises CalibrationError where it should be saved and cannot be."""
+    findings = verdict(result)
+    bad = [finding.name for finding in findings if not finding.ok]
+    worse = _worse(result.record, out)
+    word = "not good enough" if bad else "worse" if worse else "good"
+    reason = ""
+    if (bad or worse) and not force:
+        reason = f"not good enough: {', '.join(bad)}" if bad else f"the one at {out} is better: {worse}"
+        reason += "; nothing is saved (--force does all the same)"
+    saved = None
+    if not reason:
+        try:
+            save_record(result.record, out, even_if_worse=force)
+        except CalibrationError:
+            if store is not None:
+                _tell_kept(store)
+            raise
+        saved = str(out)
+    if store is not None and not bad:
+        store.forget()
+    told = Calibrated(
+        v=1, src=src, verdict=word, saved=saved, reason=reason, findings=tuple(findings), record=result.record
+    )
+    if json:
+        exits.put(msgspec.json.encode(told).decode())
+    else:
+        for finding in [*findings, _summary(told)]:
+            show_lines(finding)
+    if reason and store is not None and bad:
+        _tell_kept(store)
+    return exits.VERDICT_FAILED if bad or worse else exits.OK
+
+
+def _worse(record: CalibrationRecord, out: Path) -> str:
+    """What the calibration of the same chip that is there has on this one; "" where nothing, or there is none."""
+    try:
+        old = load_record(out) if out.exists() else None
+    except CalibrationError:
+        return ""
+    if old is None or old.chip != record.chip:
+        return ""
+    return ", ".join(reasons_worse(record, than=old))
+
+
+def _summary(told: Calibrated) -> Finding:
+    fake = " (of a fake chip: NOT A REAL ONE)" if "fake:" in told.src else ""
+    if told.saved is None:
+        return Finding(name="verdict", ok=False, found=told.reason)
+    return Finding(name="verdict", ok=True, found=f"{told.verdict}{fake}; saved as {told.saved}")

@@ -1,0 +1,136 @@
+"""`quavelet calibrate` as it is installed: on the fake bench against known truth, interrupted, refused, replayed."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from program import PROGRAM, Done, quavelet
+
+from hw_fakes.wire.bench import BenchBus
+from quavelet.calibration.record_file import load_record
+from quavelet.cli import exits
+from quavelet.core.clock import VirtualClock
+from quavelet.core.units import DEG_PER_RAD, STANDARD_GRAVITY_M_S2
+
+BENCH = ("calibrate", "--bus", "fake:bench:7", "--yes", "--virtual-time")
+
+
+@pytest.fixture(scope="module")
+def calibrated(tmp_path_factory: pytest.TempPathFactory) -> tuple[Done, Path]:
+    """The whole usual session on one board, in virtual time."""
+    out = tmp_path_factory.mktemp("calibrated") / "board.toml"
+    return quavelet(*BENCH, "--out", out, "--json"), out
+
+
+def test_the_tool_finds_the_fake_boards_truth_and_saves_it(calibrated):
+    done, out = calibrated
+    assert done.code == exits.OK, done.err
+    told = json.loads(done.out)
+    assert (told["verdict"], told["saved"], told["reason"]) == ("good", str(out), "")
+    found, truth = load_record(out).calibration(), BenchBus(clock=VirtualClock(), seed=7).sensor
+    left = np.array(found.accel_offset_m_s2) - truth.accel_bias_m_s2
+    assert np.abs(left).max() < 3e-3 * STANDARD_GRAVITY_M_S2
+    accel = np.array(found.accel_matrix) @ (np.diag(truth.accel_scale) + np.array(truth.accel_cross_axis))
+    gyro = np.array(found.gyro_matrix) @ (np.diag(truth.gyro_scale) + np.array(truth.gyro_cross_axis))
+    for product in (accel, gyro):
+        assert np.diag(product) == pytest.approx(1.0, abs=3e-3)
+        assert np.abs(product - np.diag(np.diag(product))).max() * DEG_PER_RAD < 0.4
+    warm = 30.0
+    bias = np.array(truth.gyro_bias_rad_s) + (warm - truth.bias_temp_degc) * np.array(truth.gyro_bias_rad_s_degc)
+    assert found.gyro_bias_curve is not None
+    assert found.gyro_bias_curve.at(np.array([warm]))[0] * DEG_PER_RAD == pytest.approx(bias * DEG_PER_RAD, abs=0.02)
+
+
+def test_the_session_is_told_on_stderr_step_by_step_and_its_file_is_gone(calibrated):
+    done, out = calibrated
+    assert any("step 1 of 6: Warm-up" in line for line in done.said)
+    assert any("Stand it on edge so that the arrow printed X points straight down" in line for line in done.said)
+    assert [path.name for path in out.parent.iterdir()] == [out.name]
+
+
+def test_before_and_after_are_of_poses_held_out_and_of_the_data_sheet(calibrated):
+    told = json.loads(calibrated[0].out)
+    figures = {finding["name"]: finding["figures"] for finding in told["findings"] if finding["figures"]}
+    assert figures["accelerometer"]["after_mg"] < 1.0 < 10.0 < figures["accelerometer"]["before_mg"]
+    assert figures["gyroscope bias"]["after_dps"] < 0.02 < 1.0 < figures["gyroscope bias"]["before_dps"]
+
+
+def test_a_calibration_that_is_worse_is_not_put_in_the_place_of_a_better_one_unasked(calibrated, tmp_path):
+    better = calibrated[1].read_bytes()
+    out = tmp_path / "board.toml"
+    out.write_bytes(better)
+    done = quavelet(*BENCH, "--out", out, "--steps", "warm-up,rest")
+    assert done.code == exits.VERDICT_FAILED
+    assert "it has no accelerometer" in done.out
+    assert "nothing is saved" in done.out
+    assert out.read_bytes() == better
+    done = quavelet(*BENCH, "--out", out, "--steps", "warm-up,rest", "--force")
+    assert load_record(out).accelerometer is None
+
+
+def test_whether_it_can_be_saved_is_known_before_anything_is_measured(tmp_path):
+    done = quavelet(*BENCH, "--out", tmp_path)
+    assert (done.code, done.out) == (exits.FAILED, "")
+    assert done.said == [f"quavelet: {tmp_path}: is a folder: give the path of a file"]
+
+
+def test_ctrl_c_keeps_what_was_measured_and_resume_goes_on_with_it(tmp_path):
+    out = tmp_path / "board.toml"
+    command = [PROGRAM, "calibrate", "--bus", "fake:bench:7", "--yes", "--out", str(out), "--steps", "faces"]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as running:
+        assert running.stderr is not None
+        said = ""
+        while "points down" not in said:  # the second face is asked for once the first is measured
+            line = running.stderr.readline()
+            assert line, said
+            said += line
+        running.send_signal(signal.SIGINT)
+        said += running.stderr.read()
+    assert running.returncode == exits.INTERRUPTED
+    assert "--resume" in said
+    assert not out.exists()
+    assert out.with_name("board.toml.session").exists()
+    refused = quavelet(*BENCH, "--out", out, "--steps", "faces")
+    assert refused.code == exits.FAILED
+    assert "was not finished" in refused.said[-1]
+    done = quavelet(*BENCH, "--out", out, "--steps", "faces", "--resume", "--json")
+    assert done.code == exits.OK, done.err
+    assert not any("Lay it flat with the chip on top" in line for line in done.said)
+    assert [path.name for path in tmp_path.iterdir()] == ["board.toml"]
+
+
+def test_a_fake_bench_without_yes_is_not_waited_for(tmp_path):
+    done = quavelet("calibrate", "--bus", "fake:bench", "--out", tmp_path / "c.toml")
+    assert done.code == exits.SETTINGS
+    assert done.said == ["quavelet: nobody moves the board of fake:bench by hand: give --yes, and it moves itself"]
+
+
+def test_a_step_that_there_is_not_is_a_settings_error(tmp_path):
+    done = quavelet(*BENCH, "--out", tmp_path / "c.toml", "--steps", "faces,dance")
+    assert done.code == exits.SETTINGS
+    assert "there is no step 'dance'" in done.said[0]
+
+
+def test_a_recording_stands_in_for_the_board(tmp_path):
+    recording, out = tmp_path / "faces.qrec", tmp_path / "c.toml"
+    made = quavelet("run", "--bus", "fake:faces", "--virtual-time", "--duration", 75, "--record", recording)
+    assert made.code == exits.OK
+    done = quavelet("calibrate", "--from", recording, "--out", out, "--json")
+    told = json.loads(done.out)
+    assert told["src"] == "replay:fake:faces"
+    assert done.code == exits.OK, told["reason"]
+    figures = {finding["name"]: finding["figures"] for finding in told["findings"]}
+    assert figures["accelerometer"]["after_mg"] < 3.0 < 10.0 < figures["accelerometer"]["before_mg"]
+    assert load_record(out).accelerometer.frame == "sensor"
+
+
+def test_lines_for_a_person_end_with_the_verdict(tmp_path):
+    done = quavelet(*BENCH, "--out", tmp_path / "c.toml", "--steps", "faces")
+    assert done.code == exits.OK, done.out
+    assert [line.split()[0] for line in done.lines if not line.startswith(" ")] == ["ok", "ok"]
+    assert "NOT A REAL ONE" in done.lines[-1]
