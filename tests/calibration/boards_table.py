@@ -32,8 +32,6 @@ def errors_of(c: Calibrated) -> tuple[dict[str, float], dict[str, np.ndarray], f
     left = matrix @ shown - np.eye(3)
     gyro_shown = np.diag(board.gyro_scale) + np.array(board.gyro_cross_axis)
     gyro_left = np.array(c.turns.matrix) @ gyro_shown - np.eye(3)
-    # The gyroscope is aligned with the accelerometer: what that one's axes are off is not its error.
-    frame = 0.5 * (left - left.T)
     warmer = c.bias.reference_degc - board.bias_temp_degc
     true_bias = np.array(board.gyro_bias_rad_s) + warmer * np.array(board.gyro_bias_rad_s_degc)
     bias = np.array(c.bias.coefficients_rad_s[0]) - true_bias
@@ -58,8 +56,8 @@ def errors_of(c: Calibrated) -> tuple[dict[str, float], dict[str, np.ndarray], f
         "accelerometer offset": offset / c.accel.sigma[:3],
         "accelerometer scale": np.diag(left) / np.diag(accel_sigma),
         "accelerometer misalignment": left[OFF] / accel_sigma[OFF],
-        "gyroscope scale": np.diag(gyro_left - frame) / np.diag(gyro_sigma),
-        "gyroscope misalignment": (gyro_left - frame)[OFF] / gyro_sigma[OFF],
+        "gyroscope scale": np.diag(gyro_left) / np.diag(gyro_sigma),
+        "gyroscope misalignment": gyro_left[OFF] / gyro_sigma[OFF],
     }
     return errors, in_sigmas, float(angles_deg(measured, up).max())
 

@@ -163,4 +163,5 @@ def calibrated(board: Imperfections, block: ImuBlock, *, placed: int = 12) -> Ca
         # Only where the person was told to turn it so: by chance a heading changes by half a circle, too.
         told = placed <= k < placed + 15 and about is not None and abs(turn.before_up[about[0]]) > 0.99
         turns.append(replace(turn, axis=about[0], angle_rad=about[1]) if told else turn)
-    return Calibrated(board, found, placed, accel, bias, fit_turns(turns, bias_sigma_rad_s=np.radians(0.01)))
+    fit = fit_turns(turns, bias_sigma_rad_s=np.radians(0.01), accelerometer=accel)
+    return Calibrated(board, found, placed, accel, bias, fit)

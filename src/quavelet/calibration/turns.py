@@ -13,6 +13,7 @@ from functools import partial
 
 import numpy as np
 
+from quavelet.calibration.accelerometer import AccelerometerFit
 from quavelet.calibration.least_squares import solved
 from quavelet.calibration.model import Matrix, Vector
 from quavelet.calibration.poses import StillPose, vector
@@ -84,11 +85,18 @@ class TurnFit:
         return float(self.sigma[[0, 4, 8]].max())
 
 
-def fit_turns(turns: Sequence[Turn], *, bias_sigma_rad_s: float, angle_sigma_rad: float = ANGLE_SIGMA_RAD) -> TurnFit:
+def fit_turns(
+    turns: Sequence[Turn],
+    *,
+    bias_sigma_rad_s: float,
+    angle_sigma_rad: float = ANGLE_SIGMA_RAD,
+    accelerometer: AccelerometerFit | None = None,
+) -> TurnFit:
     """Scale and misalignment of the gyroscope, in the axes of the accelerometer.
 
     bias_sigma_rad_s   one sigma of the bias that was taken off the rates
     angle_sigma_rad    of the angles that are said to be known
+    accelerometer      by which gravity was seen: what it is off, all turns are, and the sigmas have it
 
     Raises CalibrationError where no axis' scale is found.
     """
@@ -103,14 +111,19 @@ def fit_turns(turns: Sequence[Turn], *, bias_sigma_rad_s: float, angle_sigma_rad
             break
         used.pop(int(size.argmax()))
     scale = fit.observed_sigma(slice(None), taken=1.0, assumed=1.0, weight=SURE_ROWS)
-    sigma = np.sqrt(np.diag(fit.covariance)[:9])
+    covariance = fit.covariance * scale**2
+    if accelerometer is not None:
+        seen = _by_accelerometer([turns[k] for k in used], fit.value, angle_sigma_rad, accelerometer)
+        shift = fit.covariance @ fit.jacobian.T @ seen
+        covariance = covariance + shift @ accelerometer.covariance @ shift.T
+    sigma = np.sqrt(np.diag(covariance)[:9])
     wanting = tuple(n for n, s, limit in zip(NAMES, sigma, LIMITS, strict=True) if s > DETERMINED * limit)
     if sum(name.startswith("scale") for name in wanting) == 3:
         raise CalibrationError("the turns show no axis' scale: turn the board by 360 degrees about each of its axes")
     x, y, z = (vector(row) for row in np.eye(3) + fit.value[:9].reshape(3, 3))
     return TurnFit(
         matrix=(x, y, z),
-        covariance=fit.covariance * scale**2,
+        covariance=covariance,
         bias_rad_s=vector(fit.value[9:]),
         undetermined=wanting,
         residual_deg=np.array([_residual_deg(turn, fit.value) for turn in turns]),
@@ -167,25 +180,58 @@ def _all_rows(x: FloatArray, *, turns: Sequence[Turn], angle_sigma_rad: float) -
 
 def _rows(turn: Turn, x: FloatArray, angle_sigma_rad: float) -> tuple[FloatArray, FloatArray]:
     """Residuals (2,) or (3,) in sigmas and Jacobian: the turn left over, in the axes of the pose it ends in."""
-    left, jacobian, frame = _left_over(turn, x)
+    total, change = _integrated(turn, x)
+    left = _left_over(turn, total, np.array(turn.before_up), np.array(turn.after_up))
+    skew = _skew(left)
+    jacobian = (np.eye(3) + 0.5 * skew + skew @ skew / 12.0) @ change
+    weights = _weights(turn, angle_sigma_rad)
+    return weights @ left, weights @ jacobian
+
+
+def _weights(turn: Turn, angle_sigma_rad: float) -> FloatArray:
+    """(2, 3) or (3, 3): from a rotation left over to residuals, two of tilt and, where the angle is known, heading."""
     walk = RANDOM_WALK_RAD_RTS * np.sqrt(turn.period_s.sum())
     tilt, angle = np.hypot(TILT_SIGMA_RAD, walk), np.hypot(angle_sigma_rad, walk)
-    sigma = np.array([tilt, tilt, angle])
-    n = 2 if turn.angle_rad is None else 3
-    return (frame @ left / sigma)[:n], (frame @ jacobian / sigma[:, None])[:n]
+    weights: FloatArray = _standing(np.array(turn.after_up)) / np.array([tilt, tilt, angle])[:, None]
+    return weights[: 2 if turn.angle_rad is None else 3]
 
 
 def _residual_deg(turn: Turn, x: FloatArray) -> FloatArray:
-    left, _, frame = _left_over(turn, x)
-    residual: FloatArray = DEG_PER_RAD * (frame @ left)
+    before, after = np.array(turn.before_up), np.array(turn.after_up)
+    residual: FloatArray = DEG_PER_RAD * _standing(after) @ _left_over(turn, _integrated(turn, x)[0], before, after)
     if turn.angle_rad is None:
         residual[2] = np.nan
     return residual
 
 
-def _left_over(turn: Turn, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Rotation (3,) that is left between the integrated turn and what it was, its Jacobian (3, 12) and the axes (3, 3)
-    it is looked at in: two horizontal ones, then up; all in the body as it is after the turn."""
+def _by_accelerometer(
+    turns: Sequence[Turn], x: FloatArray, angle_sigma_rad: float, accelerometer: AccelerometerFit
+) -> FloatArray:
+    """How the residuals change with each of the accelerometer's twelve parameters (R, 12)."""
+    matrix = np.array(accelerometer.matrix)
+    inverse = np.linalg.inv(matrix)
+    step = 1e-4
+    rows = []
+    for turn in turns:
+        total, _ = _integrated(turn, x)
+        weights = _weights(turn, angle_sigma_rad)
+        ups = np.array(turn.before_up), np.array(turn.after_up)
+        # up = matrix (measured - offset), of length one.
+        moves = [np.hstack([-matrix, np.kron(np.eye(3), inverse @ up)]) for up in ups]
+        plain = _left_over(turn, total, *ups)
+        columns = []
+        for k in range(12):
+            before, after = (
+                (up + step * move[:, k]) / np.linalg.norm(up + step * move[:, k])
+                for up, move in zip(ups, moves, strict=True)
+            )
+            columns.append((_left_over(turn, total, before, after) - plain) / step)
+        rows.append(weights @ np.stack(columns, axis=1))
+    return np.vstack(rows)
+
+
+def _integrated(turn: Turn, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The turn (3, 3), body after to body before, and how it turns on, in the body after, by each parameter (3, 12)."""
     matrix, bias = np.eye(3) + x[:9].reshape(3, 3), x[9:]
     clean = turn.rate_rad_s - bias
     step = clean @ matrix.T * turn.period_s[:, None]
@@ -196,14 +242,15 @@ def _left_over(turn: Turn, x: FloatArray) -> tuple[FloatArray, FloatArray, Float
     moved = clean * turn.period_s[:, None]
     by_matrix = np.einsum("nik,nj->ikj", seen, moved).reshape(3, 9)
     by_bias = -np.einsum("nik,n->ik", seen, turn.period_s) @ matrix
-    before, after = np.array(turn.before_up), np.array(turn.after_up)
+    return total, np.hstack([by_matrix, by_bias])
+
+
+def _left_over(turn: Turn, total: FloatArray, before: FloatArray, after: FloatArray) -> FloatArray:
+    """The rotation (3,) between the integrated turn and what it was, in the body as it is after the turn."""
     expected = total if turn.angle_rad is None or turn.axis is None else _about(turn.axis, turn.angle_rad)
     # The expected turn, corrected by as little as makes gravity agree in both poses.
     true = expected @ _shortest(after, expected.T @ before)
-    left = _rotation_vector(true.T @ total)
-    skew = _skew(left)
-    jacobian = (np.eye(3) + 0.5 * skew + skew @ skew / 12.0) @ np.hstack([by_matrix, by_bias])
-    return left, jacobian, _standing(after)
+    return _rotation_vector(true.T @ total)
 
 
 def _running_product(q: FloatArray) -> FloatArray:
