@@ -23,8 +23,10 @@ HESITATES_S = 0.5
 """Between being told and beginning."""
 MOVES_S = 1.5
 TURN_DEG_S = 60.0
-PLACED_DEG = 0.2
+PLACED_DEG = 0.1
 """How a hand puts a board down, one sigma about each axis; and back against its edge, after a turn."""
+TABLE_DEG = 0.2
+"""How the table leans, one sigma each way: a board that is turned half round leans the other way."""
 LIES_SO_DEG = 3.0
 """A board that lies so already is not touched."""
 WARM_UP_S = 60.0
@@ -61,7 +63,8 @@ class BenchBus(FakeBus):
         )
         self._hand = np.random.default_rng((seed, 50))
         self._attitudes = self._hand.permutation(_all_round(ATTITUDES))
-        self._put_down(np.array([0.02, -0.06, 1.0]), -10.0)
+        self._table = UP + np.append(TABLE_DEG * RAD_PER_DEG * self._hand.standard_normal(2), 0.0)
+        self._put_down(np.array([0.0, 0.0, 1.0]), -10.0, touched=True)
         super().__init__({ADDRESS: self.chip, **aux.outside()}, clock=clock, name=name)
 
     def follow(self, instruction: Instruction, /) -> None:
@@ -75,7 +78,7 @@ class BenchBus(FakeBus):
             case "turn":
                 angle_deg = instruction.turn_deg + PLACED_DEG * self._hand.standard_normal()
                 takes_s = 2.0 + abs(instruction.turn_deg) / TURN_DEG_S
-                self.motion.turn(UP, angle_deg * RAD_PER_DEG, at_s=at_s, takes_s=takes_s)
+                self.motion.turn(self._table, angle_deg * RAD_PER_DEG, at_s=at_s, takes_s=takes_s)
             case "pose":
                 self._put_down(self._attitudes[len(self.told) % len(self._attitudes)], at_s)
             case "warm":
@@ -97,13 +100,12 @@ class BenchBus(FakeBus):
             self.motion.turn(axis, sign * by_deg * RAD_PER_DEG, at_s=at_s, takes_s=0.1)
         self.chip.recompute()
 
-    def _put_down(self, up: FloatArray, at_s: float) -> None:
+    def _put_down(self, up: FloatArray, at_s: float, *, touched: bool = False) -> None:
         lean = PLACED_DEG * RAD_PER_DEG * self._hand.standard_normal(3)
         up = up / np.linalg.norm(up)
         now = self.motion.specific_force_m_s2(np.array([max(at_s, self.motion.free_s)]))[0]
-        if now @ up > np.cos(LIES_SO_DEG * RAD_PER_DEG) * np.linalg.norm(now):
-            return
-        self.motion.bring_up(up + np.cross(lean, up), at_s=at_s, takes_s=MOVES_S)
+        if touched or now @ up < np.cos(LIES_SO_DEG * RAD_PER_DEG) * np.linalg.norm(now):
+            self.motion.bring_up(up + np.cross(lean, up), at_s=at_s, takes_s=MOVES_S, to=self._table)
 
 
 def _trim(seed: int) -> tuple[int, int, int]:

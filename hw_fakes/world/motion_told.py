@@ -35,14 +35,13 @@ class ToldMotion(Body):
         from_s = max(at_s, self.free_s)
         self._turns.append(_Turn(from_s, takes_s, self._attitude_after(), axis / np.linalg.norm(axis), angle_rad))
 
-    def bring_up(self, direction: FloatArray, *, at_s: float, takes_s: float) -> None:
-        """Turn, the shortest way, until this body direction (3,) points up."""
-        now = to_body(self._attitude_after()[None] * [1.0, -1.0, -1.0, -1.0], direction[None])[0]
-        now = now / np.linalg.norm(now)
-        axis = np.cross(now, UP)
+    def bring_up(self, direction: FloatArray, *, at_s: float, takes_s: float, to: FloatArray = UP) -> None:
+        """Turn, the shortest way, until this body direction (3,) points along `to` (3,) in the world."""
+        now, there = _to_world(self._attitude_after(), direction), to / np.linalg.norm(to)
+        axis = np.cross(now, there)
         sine = float(np.linalg.norm(axis))
         axis = axis / sine if sine > 1e-9 else np.array([1.0, 0.0, 0.0])
-        self.turn(axis, float(np.arctan2(sine, now[2])), at_s=at_s, takes_s=takes_s)
+        self.turn(axis, float(np.arctan2(sine, now @ there)), at_s=at_s, takes_s=takes_s)
 
     def attitude(self, t_s: FloatArray) -> FloatArray:
         joined: FloatArray = np.empty((len(t_s), 4))
@@ -78,6 +77,13 @@ class _Turn(NamedTuple):
     start: FloatArray
     axis: FloatArray
     angle_rad: float
+
+
+def _to_world(attitude: FloatArray, body: FloatArray) -> FloatArray:
+    """A body direction (3,) as a unit vector of the world."""
+    world = to_body(attitude[None] * [1.0, -1.0, -1.0, -1.0], body[None])[0]
+    unit: FloatArray = world / np.linalg.norm(world)
+    return unit
 
 
 def _about(axis: FloatArray, half_rad: FloatArray) -> FloatArray:

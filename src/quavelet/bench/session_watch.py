@@ -11,8 +11,8 @@ from quavelet.bench.session_evidence import Move
 from quavelet.calibration.calibrate import Calibrate
 from quavelet.calibration.model import UNCALIBRATED
 from quavelet.calibration.poses import PoseCollector, StillPose, face_up, vector
-from quavelet.core.blocks import Flag, ImuBlock, RawBlock, concat
-from quavelet.core.units import NS_PER_S
+from quavelet.core.blocks import Flag, FloatArray, ImuBlock, RawBlock, concat
+from quavelet.core.units import DEG_PER_RAD, NS_PER_S
 
 POSE_S = 3.0
 STILL_S = POSE_S + 0.5
@@ -33,6 +33,7 @@ class Seen:
     temp_degc             of the chip
     trend_degc_min        how it goes, over the last 30 s; None before it is known
     lost                  samples are missing among them
+    turned_deg            about the axis it turned most about since the last pose, less the rate that showed; 0 before
     """
 
     raw: RawBlock
@@ -44,6 +45,7 @@ class Seen:
     temp_degc: float
     trend_degc_min: float | None
     lost: bool
+    turned_deg: float
 
 
 class Watch:
@@ -55,6 +57,7 @@ class Watch:
         self._collector = PoseCollector(shortest_s=pose_s, longest_s=longest_s)
         self._before: StillPose | None = None
         self._since: list[RawBlock] = []
+        self._angle_rad: FloatArray = np.zeros(3)
         self._temps: deque[tuple[float, float]] = deque()
 
     def seen(self, raw: RawBlock) -> Seen:
@@ -75,7 +78,16 @@ class Watch:
             temp_degc=temp,
             trend_degc_min=self._trend(t_s, temp),
             lost=bool((raw.flags & Flag.GAP).any()),
+            turned_deg=self._turned(rows, poses),
         )
+
+    def _turned(self, rows: ImuBlock, poses: list[StillPose]) -> float:
+        if poses or self._before is None:
+            self._angle_rad = np.zeros(3)
+            return 0.0
+        rate = rows.gyro_rad_s - np.array(self._before.gyro_rad_s)
+        self._angle_rad = self._angle_rad + (rate * rows.period_s[:, None]).sum(axis=0)
+        return float(DEG_PER_RAD * self._angle_rad[np.argmax(np.abs(self._angle_rad))])
 
     def _move_to(self, pose: StillPose) -> Move | None:
         before, self._before = self._before, pose

@@ -17,6 +17,8 @@ def in_words(instruction: Instruction) -> str:
             return f"{_put(instruction.face)} Let go."
         case "turn":
             axis, way = instruction.face[1].upper(), _WAY[instruction.face[0]]
+            if abs(instruction.turn_deg) < 360.0:
+                return f"Leave {axis} pointing {way}, and turn the board half round on the table. Let go."
             turn = _LEFT if instruction.turn_deg > 0 else _RIGHT
             return (
                 f"Leave {axis} pointing {way}. Hold the board to a straight edge, turn it once all the way round to "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from textwrap import wrap
 from types import TracebackType
 from typing import Self
 
@@ -19,6 +20,8 @@ from quavelet.core.instruction import Instruction
 
 REDRAW_S = 0.1
 WIDTH = 80
+INSTRUCTION_LINES = 3
+SHOWN_DEG = 10.0
 _BAR = 24
 
 
@@ -60,7 +63,7 @@ def render(view: View, src: str) -> RenderableType:
                 Text("▶", style="bold cyan"),
                 Text(title, style="bold"),
                 _bar(progress, "cyan"),
-                Text(view.status, overflow="ellipsis", no_wrap=True),
+                Text(view.status.replace("degC", "°C"), overflow="ellipsis", no_wrap=True),
             )
         elif progress >= 1.0:
             steps.add_row(Text("✓", style="green"), title, Text("done", style="green"), "")
@@ -70,11 +73,12 @@ def render(view: View, src: str) -> RenderableType:
     if view.instruction is None:
         rows.append(Text("All is measured.", style="bold green"))
     else:
-        rows.append(Text(in_words(view.instruction), style="bold"))
+        lines = wrap(in_words(view.instruction), WIDTH - 4)
+        # As high whatever is asked: nothing jumps under the eyes.
+        rows.append(Text("\n".join(lines + [""] * (INSTRUCTION_LINES - len(lines))), style="bold"))
     rows.append("")
     if view.seen is not None:
         rows.append(_board(view.seen, view.needs_s))
-    # A line of its own whether there is a notice or not: nothing jumps.
     rows += ["", Text(view.notice or "all well", style="yellow" if view.notice else "green")]
     fake = "fake:" in src
     title = f"NOT A REAL CHIP — calibrating {src}" if fake else f"calibrating {src}"
@@ -98,7 +102,8 @@ def _board(seen: Seen, needs_s: float) -> RenderableType:
                 Text("still ", style="bold green"), _bar(part, "green"), f"{min(seen.still_s, needs_s):.1f} s"
             )
     else:
-        still = Text("moving", style="bold yellow")
+        turned = f", turned by {seen.turned_deg:+.0f}°" if abs(seen.turned_deg) >= SHOWN_DEG else ""
+        still = Text(f"moving{turned}", style="bold yellow")
     facts.add_row("board", still)
     facts.add_row("up", Text(seen.face or "no face", style="bold" if seen.face else "dim"))
     trend = "" if seen.trend_degc_min is None else f", {seen.trend_degc_min:+.2f} °C/min"

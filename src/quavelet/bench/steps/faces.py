@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from quavelet.bench.session_evidence import Move
 from quavelet.bench.session_watch import STILL_S, Seen
 from quavelet.bench.steps.lying import too_hot
 from quavelet.bench.steps.step import Step
@@ -11,30 +12,42 @@ from quavelet.calibration.poses import StillPose
 from quavelet.core.blocks import FloatArray
 from quavelet.core.instruction import FACES, Instruction
 
+TIMES = 2
+HALF_TURN_DEG = 180.0
+HALF_WITHIN_DEG = 45.0
 APART_DEG = 20.0
 HELD_POSES = 12
 CHECK_POSES = 4
 
 
 class Faces(Step):
-    """Each of the six faces once, in any order: whichever is up is recognised."""
+    """Each of the six faces twice, the second time turned half round: a table that leans does so both ways.
+
+    Any order will do: whichever is up is recognised.
+    """
 
     name = "faces"
     title = "Six faces"
 
+    _up: str | None = None
+    """The face that lies measured."""
+
     @property
     def missing(self) -> tuple[str, ...]:
-        """Faces that were not up yet, in the order they are asked for."""
-        have = {pose.face for pose in self.evidence.placed}
-        return tuple(face for face in FACES if face not in have)
+        """Faces that are not measured twice yet, in the order they are asked for."""
+        have = [pose.face for pose in self.evidence.placed]
+        return tuple(face for face in FACES if have.count(face) < TIMES)
 
     @property
     def instruction(self) -> Instruction:
-        return Instruction(action="face", face=(self.missing or FACES)[0])
+        missing = self.missing or FACES
+        if self._up in missing:
+            return Instruction(action="turn", face=self._up, turn_deg=HALF_TURN_DEG)
+        return Instruction(action="face", face=missing[0])
 
     @property
     def progress(self) -> float:
-        return 1.0 - len(self.missing) / len(FACES)
+        return len(self.evidence.placed) / (TIMES * len(FACES))
 
     @property
     def status(self) -> str:
@@ -52,16 +65,34 @@ class Faces(Step):
             self.notice = ""
         self.evidence.moves += seen.moves
         for pose in seen.poses:
-            face = pose.face
-            if face in self.missing:
-                self.evidence.placed.append(pose)
-                self.notice = ""
-            elif face is None:
-                self.notice = "it lies on no face: put it flat on one, against something square"
-                self.asks += bool(seen.moves)
-            elif self.missing and seen.moves and pose is seen.poses[0]:
-                self.notice = f"{face} was up before and is measured: the next is {self.missing[0]}"
-                self.asks += 1
+            self._judge(pose, next((move for move in seen.moves if move.after == pose), None))
+
+    def _judge(self, pose: StillPose, move: Move | None) -> None:
+        """Takes a pose for a face, or refuses it with the reason. `move` led to it; None where it lay so before."""
+        face, before = pose.face, self._up
+        self._up = face
+        if face is None:
+            self.notice = "it lies on no face: put it flat on one, against something square"
+        elif face not in self.missing:
+            if self.missing:
+                self.notice = f"{face} is measured: the next is {self.missing[0]}"
+        elif any(other.face == face for other in self.evidence.placed) and not _turned(move, face):
+            if before == face and move is None:
+                return  # It still lies there, and nobody has done anything yet.
+            self.notice = f"{face} is measured that way round: turn it half round on the table"
+        else:
+            self.evidence.placed.append(pose)
+            self.notice = ""
+            return
+        self.asks += move is not None
+
+
+def _turned(move: Move | None, face: str) -> bool:
+    """Whether a face lies another way round than before the move: half round, or put there anew from another."""
+    if move is None:
+        return False
+    angle = abs(move.turned_deg["xyz".index(face[1])])
+    return move.before.face != face or abs(angle - HALF_TURN_DEG) < HALF_WITHIN_DEG
 
 
 class _Held(Step):

@@ -48,8 +48,8 @@ class Turns(Step):
 
     @property
     def status(self) -> str:
-        words = {1: "left", -1: "right"}
-        return "missing: " + ", ".join(f"{face[1]} {words[way]}" for face, way in self.missing)
+        wanted = len(TURN_FACES) * len(WAYS)
+        return f"{wanted - len(self.missing)} of {wanted}"
 
     @property
     def needs_s(self) -> float:
