@@ -79,7 +79,7 @@ def table(seeds: range) -> tuple[dict[str, float], dict[str, float]]:
         print(f"{name:<38}{points[name]:>12.4f}{bar:>8g}{max(errors[name] for errors, _, _ in each):>9.4f}")
     print(f"{'  uncalibrated':<38}{np.quantile(raw, 0.95):>12.4f}{'':>8}{max(raw):>9.4f}")
     print(
-        f"{'truth within 1.96 of the stated sigmas':<38}"
+        f"{'truth within 1.96 of the stated sigmas':<40}"
         + ", ".join(f"{n} {100 * s:.1f} %" for n, s in covered.items())
     )
     return points, covered

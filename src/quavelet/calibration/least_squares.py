@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from quavelet.core.blocks import FloatArray
+from quavelet.core.blocks import FloatArray, IntArray
 from quavelet.core.errors import CalibrationError
 
 ROUNDS = 60
@@ -39,12 +39,17 @@ class Fit:
     def sigma(self) -> FloatArray:
         return np.sqrt(np.diag(self.covariance))
 
-    def observed_sigma(self, rows: slice, *, taken: float, assumed: float, weight: float) -> float:
+    def observed_sigma(
+        self, rows: slice | IntArray, *, taken: float, assumed: float, weight: float, known: FloatArray | None = None
+    ) -> float:
         """The sigma of these rows as their residuals say, `taken` having been taken; `assumed` before there were any,
-        which is worth `weight` rows."""
+        which is worth `weight` rows. `known` (R,): the part of the residuals' squares that has another cause; three
+        quarters of them at most are believed to have."""
         freedom = float((1.0 - self.leverage[rows]).sum())
-        squares = float((self.residual[rows] ** 2).sum()) * taken**2
-        return float(np.sqrt((weight * assumed**2 + squares) / (weight + freedom)))
+        squares = float((self.residual[rows] ** 2).sum())
+        if known is not None:
+            squares = max(squares - float(known[rows].sum()), 0.25 * squares)
+        return float(np.sqrt((weight * assumed**2 + squares * taken**2) / (weight + freedom)))
 
 
 def solved(model: Model, *, prior_sigma: FloatArray, start: FloatArray | None = None) -> Fit:

@@ -29,12 +29,12 @@ DETERMINED = 0.3
 ANGLE_SIGMA_RAD = 0.5 * RAD_PER_DEG
 """How well a board is brought back against an edge, one sigma."""
 TILT_SIGMA_RAD = 0.05 * RAD_PER_DEG
-RANDOM_WALK_RAD_RTS = 0.015 * RAD_PER_DEG
-"""Angle random walk of real chips (0.02 deg/s/rtHz, one-sided)."""
+RANDOM_WALK_RAD_RTS = 0.005 * RAD_PER_DEG
+"""Angle random walk by the data sheet (PS 6.1: 0.005 deg/s/rtHz, one-sided) and more; the residuals say the rest."""
 NEAREST_RAD = 20.0 * RAD_PER_DEG
 """So far from a whole number of quarter turns an integrated angle is none of them."""
-SURE_ROWS = 10.0
-"""The sigmas above count as so many measurements of them."""
+SURE_ROWS = 5.0
+"""The sigmas above count as so many measurements of them; then the residuals say."""
 OUTLIER = 4.5
 
 
@@ -54,6 +54,14 @@ class Turn:
     after_up: Vector
     axis: int | None = None
     angle_rad: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Trust:
+    """One sigma of gravity's direction in a pose, and of an angle that is said to be known."""
+
+    tilt_rad: float
+    angle_rad: float
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -102,20 +110,36 @@ def fit_turns(
     """
     if not turns:
         raise CalibrationError("no turn shows the gyroscope's scale: turn the board about each of its axes")
-    used = list(range(len(turns)))
+    used, trust = list(range(len(turns))), Trust(TILT_SIGMA_RAD, angle_sigma_rad)
+    prior = np.append(PRIOR, np.full(3, bias_sigma_rad_s))
     while True:
-        model = partial(_all_rows, turns=[turns[k] for k in used], angle_sigma_rad=angle_sigma_rad)
-        fit = solved(model, prior_sigma=np.append(PRIOR, np.full(3, bias_sigma_rad_s)))
-        size = np.array([np.abs(_rows(turns[k], fit.value, angle_sigma_rad)[0]).max() for k in used])
+        fit = solved(partial(_all_rows, turns=[turns[k] for k in used], trust=trust), prior_sigma=prior)
+        size = np.array([np.abs(_rows(turns[k], fit.value, trust)[0]).max() for k in used])
         if size.max() <= OUTLIER or len(used) <= max(3, 0.75 * len(turns)):
             break
         used.pop(int(size.argmax()))
-    scale = fit.observed_sigma(slice(None), taken=1.0, assumed=1.0, weight=SURE_ROWS)
-    covariance = fit.covariance * scale**2
+    kept = [turns[k] for k in used]
+    is_tilt = np.concatenate([[True, True, False][: 2 if turn.angle_rad is None else 3] for turn in kept])
+    seen = np.zeros((len(is_tilt), 0))
+    for _ in range(3):
+        if accelerometer is not None:
+            seen = _by_accelerometer(kept, fit.value, trust, accelerometer)
+        # What the accelerometer leaves in the residuals has its own place in the covariance.
+        left = seen - fit.jacobian @ (fit.covariance @ fit.jacobian.T @ seen)
+        known = (left**2).sum(axis=1)
+        tilt, angle = (
+            fit.observed_sigma(np.flatnonzero(rows), taken=taken, assumed=assumed, weight=SURE_ROWS, known=known)
+            for rows, taken, assumed in (
+                (is_tilt, trust.tilt_rad, TILT_SIGMA_RAD),
+                (~is_tilt, trust.angle_rad, angle_sigma_rad),
+            )
+        )
+        trust = Trust(tilt, angle)
+        fit = solved(partial(_all_rows, turns=kept, trust=trust), prior_sigma=prior, start=fit.value)
     if accelerometer is not None:
-        seen = _by_accelerometer([turns[k] for k in used], fit.value, angle_sigma_rad, accelerometer)
-        shift = fit.covariance @ fit.jacobian.T @ seen
-        covariance = covariance + shift @ accelerometer.covariance @ shift.T
+        seen = _by_accelerometer(kept, fit.value, trust, accelerometer)
+    shift = fit.covariance @ fit.jacobian.T @ seen
+    covariance = fit.covariance + shift @ shift.T
     sigma = np.sqrt(np.diag(covariance)[:9])
     wanting = tuple(n for n, s, limit in zip(NAMES, sigma, LIMITS, strict=True) if s > DETERMINED * limit)
     if sum(name.startswith("scale") for name in wanting) == 3:
@@ -173,25 +197,25 @@ def recognised(turn: Turn) -> tuple[int, float] | None:
     return (axis, angle) if abs(total[axis] - angle) < allowed else None
 
 
-def _all_rows(x: FloatArray, *, turns: Sequence[Turn], angle_sigma_rad: float) -> tuple[FloatArray, FloatArray]:
-    rows = [_rows(turn, x, angle_sigma_rad) for turn in turns]
+def _all_rows(x: FloatArray, *, turns: Sequence[Turn], trust: Trust) -> tuple[FloatArray, FloatArray]:
+    rows = [_rows(turn, x, trust) for turn in turns]
     return np.concatenate([row[0] for row in rows]), np.vstack([row[1] for row in rows])
 
 
-def _rows(turn: Turn, x: FloatArray, angle_sigma_rad: float) -> tuple[FloatArray, FloatArray]:
+def _rows(turn: Turn, x: FloatArray, trust: Trust) -> tuple[FloatArray, FloatArray]:
     """Residuals (2,) or (3,) in sigmas and Jacobian: the turn left over, in the axes of the pose it ends in."""
     total, change = _integrated(turn, x)
     left = _left_over(turn, total, np.array(turn.before_up), np.array(turn.after_up))
     skew = _skew(left)
     jacobian = (np.eye(3) + 0.5 * skew + skew @ skew / 12.0) @ change
-    weights = _weights(turn, angle_sigma_rad)
+    weights = _weights(turn, trust)
     return weights @ left, weights @ jacobian
 
 
-def _weights(turn: Turn, angle_sigma_rad: float) -> FloatArray:
+def _weights(turn: Turn, trust: Trust) -> FloatArray:
     """(2, 3) or (3, 3): from a rotation left over to residuals, two of tilt and, where the angle is known, heading."""
     walk = RANDOM_WALK_RAD_RTS * np.sqrt(turn.period_s.sum())
-    tilt, angle = np.hypot(TILT_SIGMA_RAD, walk), np.hypot(angle_sigma_rad, walk)
+    tilt, angle = np.hypot(trust.tilt_rad, walk), np.hypot(trust.angle_rad, walk)
     weights: FloatArray = _standing(np.array(turn.after_up)) / np.array([tilt, tilt, angle])[:, None]
     return weights[: 2 if turn.angle_rad is None else 3]
 
@@ -205,16 +229,16 @@ def _residual_deg(turn: Turn, x: FloatArray) -> FloatArray:
 
 
 def _by_accelerometer(
-    turns: Sequence[Turn], x: FloatArray, angle_sigma_rad: float, accelerometer: AccelerometerFit
+    turns: Sequence[Turn], x: FloatArray, trust: Trust, accelerometer: AccelerometerFit
 ) -> FloatArray:
-    """How the residuals change with each of the accelerometer's twelve parameters (R, 12)."""
+    """How the residuals change by one sigma of each of the accelerometer's twelve independent errors (R, 12)."""
     matrix = np.array(accelerometer.matrix)
     inverse = np.linalg.inv(matrix)
     step = 1e-4
     rows = []
     for turn in turns:
         total, _ = _integrated(turn, x)
-        weights = _weights(turn, angle_sigma_rad)
+        weights = _weights(turn, trust)
         ups = np.array(turn.before_up), np.array(turn.after_up)
         # up = matrix (measured - offset), of length one.
         moves = [np.hstack([-matrix, np.kron(np.eye(3), inverse @ up)]) for up in ups]
@@ -227,7 +251,9 @@ def _by_accelerometer(
             )
             columns.append((_left_over(turn, total, before, after) - plain) / step)
         rows.append(weights @ np.stack(columns, axis=1))
-    return np.vstack(rows)
+    variance, mixture = np.linalg.eigh(accelerometer.covariance)
+    change: FloatArray = np.vstack(rows) @ (mixture * np.sqrt(np.maximum(variance, 0.0)))
+    return change
 
 
 def _integrated(turn: Turn, x: FloatArray) -> tuple[FloatArray, FloatArray]:
