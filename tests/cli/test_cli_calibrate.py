@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import signal
 import subprocess
 from pathlib import Path
@@ -24,7 +25,10 @@ BENCH = ("calibrate", "--bus", "fake:bench:7", "--yes", "--virtual-time")
 def calibrated(tmp_path_factory: pytest.TempPathFactory) -> tuple[Done, Path]:
     """The whole usual session on one board, in virtual time."""
     out = tmp_path_factory.mktemp("calibrated") / "board.toml"
-    return quavelet(*BENCH, "--out", out, "--json"), out
+    report = tmp_path_factory.mktemp("report") / "page.html"
+    done = quavelet(*BENCH, "--out", out, "--json", "--report", report)
+    out.with_suffix(".page").symlink_to(report)
+    return done, out
 
 
 def test_the_tool_finds_the_fake_boards_truth_and_saves_it(calibrated):
@@ -50,7 +54,17 @@ def test_the_session_is_told_on_stderr_step_by_step_and_its_file_is_gone(calibra
     done, out = calibrated
     assert any("step 1 of 6: Warm-up" in line for line in done.said)
     assert any("Stand it on edge so that the arrow printed X points straight down" in line for line in done.said)
-    assert [path.name for path in out.parent.iterdir()] == [out.name]
+    assert sorted(path.name for path in out.parent.iterdir()) == ["board.page", "board.toml"]
+
+
+def test_the_page_stands_by_itself_and_shows_every_step_with_its_verdict(calibrated):
+    page = calibrated[1].with_suffix(".page").read_text()
+    for title in ("Verdict", "Accelerometer", "Gyroscope bias", "Gyroscope scale"):
+        assert f"<h2>{title}</h2>" in page
+    assert page.count("<svg") == 3 + 5 + 1
+    assert not re.search(r"""(src|href)\s*=\s*["']?(https?:)?//""", page)
+    assert "NOT A REAL ONE" in page
+    assert "held out" in page
 
 
 def test_before_and_after_are_of_poses_held_out_and_of_the_data_sheet(calibrated):

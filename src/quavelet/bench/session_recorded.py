@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from quavelet.bench.session_evidence import Chip, Evidence
+from quavelet.bench.session_evidence import Chip, Evidence, Move
 from quavelet.bench.session_watch import Watch
 from quavelet.bench.steps.turns import turn_of
+from quavelet.calibration.poses import StillPose
 from quavelet.core.blocks import RawBlock
 
 HELD_OUT = 1 / 3
@@ -24,15 +25,21 @@ def evidence_of(blocks: Iterable[RawBlock], chip: Chip) -> Evidence:
     """
     evidence, watch = Evidence(chip=chip), Watch(pose_s=1.0, longest_s=10.0)
     n = 0
+
+    def take(poses: Iterable[StillPose], moves: Iterable[Move]) -> None:
+        nonlocal n
+        for pose in poses:
+            n += 1
+            (evidence.check if GOLDEN * n % 1.0 < HELD_OUT else evidence.poses).append(pose)
+        for move in moves:
+            found, face = turn_of(move.turned_deg), move.before.face
+            upright = found is not None and face is not None and face[1] == "xyz"[found[0]]
+            (evidence.told if upright and face == move.after.face else evidence.moves).append(move)
+
     for block in blocks:
         for begin in range(0, len(block), PIECE):
             seen = watch.seen(block[begin : begin + PIECE])
-            for pose in seen.poses:
-                n += 1
-                (evidence.check if GOLDEN * n % 1.0 < HELD_OUT else evidence.poses).append(pose)
-            for move in seen.moves:
-                found, face = turn_of(move.turned_deg), move.before.face
-                upright = found is not None and face is not None and face[1] == "xyz"[found[0]]
-                (evidence.told if upright and face == move.after.face else evidence.moves).append(move)
+            take(seen.poses, seen.moves)
+    take(*watch.ended())
     evidence.done += ["rest", "poses"] if evidence.poses else []
     return evidence

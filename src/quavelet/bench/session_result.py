@@ -73,7 +73,7 @@ def work_out(evidence: Evidence, *, utc: str, version: str) -> Result:
             accel = fit_accelerometer(evidence.poses, placed=evidence.placed)
         except CalibrationError as error:
             refused["accelerometer"] = str(error)
-    poses = _every_pose(evidence)
+    poses = every_pose(evidence)
     bias = fit_gyro_bias([accel.pose(pose) if accel else pose for pose in poses]) if poses else None
     if bias is not None and (evidence.told or evidence.moves):
         try:
@@ -95,7 +95,7 @@ def work_out(evidence: Evidence, *, utc: str, version: str) -> Result:
     return Result(evidence, accel, bias, turns, field, _noise(evidence), refused, record)
 
 
-def _every_pose(evidence: Evidence) -> list[StillPose]:
+def every_pose(evidence: Evidence) -> list[StillPose]:
     """All but those held out, each once, in the order of time."""
     ends = (pose for move in (*evidence.moves, *evidence.told) for pose in (move.before, move.after))
     held_out = {pose.begin_ns for pose in evidence.check}
@@ -134,7 +134,7 @@ def _record(
     turns: TurnFit | None,
     field: MagnetometerFit | None,
 ) -> CalibrationRecord:
-    temps = [pose.temp_degc for pose in (*_every_pose(evidence), *evidence.check)] or [25.0]
+    temps = [pose.temp_degc for pose in (*every_pose(evidence), *evidence.check)] or [25.0]
     return CalibrationRecord(
         chip=evidence.chip.identity,
         made=Made(

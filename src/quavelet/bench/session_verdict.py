@@ -152,13 +152,14 @@ def _noise(noise: tuple[AxisNoise, ...]) -> Iterator[Finding]:
         if not fits:
             continue
         worst = max(fit.density.value for fit in fits)
-        instability = max(fit.instability.value for fit in fits) / sheet.unit_si
+        seen = [fit.instability.value / sheet.unit_si for fit in fits if fit.instability.seen]
+        instability = f"{max(seen):.2g} {sheet.unit}" if seen else "too small for so short a run"
         word = sheet.word(worst)
         yield Finding(
             name=f"{sheet.name} noise",
             ok=True,
             found=f"{word}: {worst / sheet.unit_si:.3g} {sheet.unit}/rtHz at most, the data sheet says "
-            f"{sheet.density:g}; bias instability {instability:.2g} {sheet.unit}",
+            f"{sheet.density:g}; bias instability {instability}",
             advice="" if word != "poor" else "look for vibration, a weak supply, or a damaged chip",
             figures={"density": worst / sheet.unit_si, "sheet": sheet.density},
         )

@@ -81,6 +81,11 @@ class Watch:
             turned_deg=self._turned(rows, poses),
         )
 
+    def ended(self) -> tuple[list[StillPose], list[Move]]:
+        """The pose that the end of the samples cuts off, if there is one, and the move to it."""
+        poses = self._collector.finish() if self._since else []
+        return poses, [move for pose in poses if (move := self._move_to(pose)) is not None]
+
     def _turned(self, rows: ImuBlock, poses: list[StillPose]) -> float:
         if poses or self._before is None:
             self._angle_rad = np.zeros(3)

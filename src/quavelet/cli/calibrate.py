@@ -24,6 +24,7 @@ from quavelet.calibration.record import CalibrationRecord, ChipIdentity, reasons
 from quavelet.calibration.record_file import check_writable, default_path, load_record, save_record
 from quavelet.cli import exits, options
 from quavelet.cli.calibrate_operator import operator_for
+from quavelet.cli.calibrate_report import write_report
 from quavelet.cli.doctor import show_lines
 from quavelet.cli.run import stopped_by_signals, talk
 from quavelet.core.clock import Clock, MonotonicClock, VirtualClock
@@ -37,6 +38,7 @@ from quavelet.mpu6050.stream import StreamInfo
 from quavelet.recording.reader import RecordingReader
 from quavelet.recording.replay import ReplaySource
 from quavelet.settings import Settings
+from quavelet.study.page import check_drawing
 
 ALL = "all"
 USUAL_STEPS = ",".join(USUAL)
@@ -57,6 +59,9 @@ Force = Annotated[
 ]
 From = Annotated[
     Path | None, typer.Option("--from", help="A recording in place of the board.", metavar="FILE", show_default=False)
+]
+Report = Annotated[
+    Path | None, typer.Option("--report", help="Write a page of what was measured.", metavar="HTML", show_default=False)
 ]
 
 
@@ -89,12 +94,15 @@ def calibrate(
     resume: Resume = False,
     force: Force = False,
     from_file: From = None,
+    report: Report = None,
     virtual_time: options.VirtualTime = False,
 ) -> None:
     """Calibrate a board on a bench, step by step; needs a table, something square, and some eight minutes.
 
     Interrupted, it goes on with --resume. Exit code 6 where the result is not good enough: then nothing is saved.
     """
+    if report is not None:
+        check_drawing()
     names = with_check(STEPS if steps == ALL else [name.strip() for name in steps.split(",") if name.strip()])
     settings = options.settings_of(bus, address, config, accept_id).settings
     if "magnetometer" in names and not settings.magnetometer.used:
@@ -110,7 +118,7 @@ def calibrate(
         evidence, out, store = _measured(settings, clock, names, out, yes=yes, quiet=json, resume=resume)
         src = settings.bus.name
     result = work_out(evidence, utc=datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"), version=version("quavelet"))
-    raise typer.Exit(_ended(result, out, store, src=src, json=json, force=force))
+    raise typer.Exit(_ended(result, out, store, src=src, json=json, force=force, report=report))
 
 
 def _measured(
@@ -222,7 +230,9 @@ def _tell_kept(store: SessionStore) -> None:
         talk(f"what was measured is kept in {store.path}: the same command with --resume goes on with it")
 
 
-def _ended(result: Result, out: Path, store: SessionStore | None, *, src: str, json: bool, force: bool) -> int:
+def _ended(
+    result: Result, out: Path, store: SessionStore | None, *, src: str, json: bool, force: bool, report: Path | None
+) -> int:
     """Judges, saves, tells; gives the exit code. Raises CalibrationError where it should be saved and cannot be."""
     findings = verdict(result)
     bad = [finding.name for finding in findings if not finding.ok]
@@ -243,6 +253,9 @@ def _ended(result: Result, out: Path, store: SessionStore | None, *, src: str, j
         saved = str(out)
     if store is not None and not bad:
         store.forget()
+    if report is not None:
+        write_report(report, result, findings, src=src, saved=saved)
+        talk(f"{report} written")
     told = Calibrated(
         v=1, src=src, verdict=word, saved=saved, reason=reason, findings=tuple(findings), record=result.record
     )
