@@ -75,9 +75,9 @@ def work_out(evidence: Evidence, *, utc: str, version: str) -> Result:
             refused["accelerometer"] = str(error)
     poses = every_pose(evidence)
     bias = fit_gyro_bias([accel.pose(pose) if accel else pose for pose in poses]) if poses else None
-    if bias is not None and (evidence.told or evidence.moves):
+    if bias is not None and (evidence.told or (evidence.moves and accel is not None)):
         try:
-            turns = fit_turns(_turns(evidence, accel, bias), bias_sigma_rad_s=BIAS_SIGMA_RAD_S)
+            turns = fit_turns(_turns(evidence, accel, bias), bias_sigma_rad_s=BIAS_SIGMA_RAD_S, accelerometer=accel)
         except CalibrationError as error:
             # Moves that nobody asked for may show no scale; turns that were asked for have to.
             if evidence.told:
@@ -104,7 +104,9 @@ def every_pose(evidence: Evidence) -> list[StillPose]:
 
 
 def _turns(evidence: Evidence, accel: AccelerometerFit | None, bias: BiasFit) -> list[Turn]:
-    turns = [_turn(move, evidence, accel, bias) for move in evidence.moves]
+    # An accelerometer that is degrees off says wrong what a change of face was; a whole turn ends as it began.
+    moves = evidence.moves if accel is not None else []
+    turns = [_turn(move, evidence, accel, bias) for move in moves]
     for move in evidence.told:
         found = turn_of(move.turned_deg)
         assert found is not None, "only such are taken"

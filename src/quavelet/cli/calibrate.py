@@ -241,7 +241,7 @@ def _ended(
     reason = ""
     if (bad or worse) and not force:
         reason = f"not good enough: {', '.join(bad)}" if bad else f"the one at {out} is better: {worse}"
-        reason += "; nothing is saved (--force does all the same)"
+        reason += "; nothing is saved (--resume --force does, without measuring again)"
     saved = None
     if not reason:
         try:
@@ -251,7 +251,7 @@ def _ended(
                 _tell_kept(store)
             raise
         saved = str(out)
-    if store is not None and not bad:
+    if store is not None and saved:
         store.forget()
     if report is not None:
         write_report(report, result, findings, src=src, saved=saved)
@@ -264,7 +264,7 @@ def _ended(
     else:
         for finding in [*findings, _summary(told)]:
             show_lines(finding)
-    if reason and store is not None and bad:
+    if reason and store is not None:
         _tell_kept(store)
     return exits.VERDICT_FAILED if bad or worse else exits.OK
 
