@@ -148,6 +148,7 @@ def test_a_plug_pulled_in_the_middle_loses_nothing_that_was_done(tmp_path):
     bench = Bench(["faces"], out=tmp_path / "c", each_look=pull)
     with pytest.raises(DeviceLost):
         bench.conduct()
+    assert bench.notices[-1].startswith("the chip gives nothing: look at its plug")
     kept = bench.store.load(bench.chip)
     assert [pose.face for pose in kept.placed] == ["+z", "+z", "-z"]
 
@@ -192,6 +193,15 @@ def test_a_full_disk_is_told_and_the_file_from_before_stays_whole(tmp_path):
     beside.rmdir()
     assert full.keep(bench.evidence)
     assert full.failure == ""
+
+
+def test_a_full_disk_is_told_while_the_session_goes_on(tmp_path):
+    bench = Bench(["faces"], out=tmp_path / "cal.toml")
+    beside = bench.store.path.with_name(f"{bench.store.path.name}.new")
+    beside.mkdir()
+    assert not bench.conduct(stopped=lambda: len(bench.evidence.placed) == 2)
+    assert any("make room" in notice for notice in bench.notices)
+    assert len(bench.evidence.placed) == 2
 
 
 def test_a_session_of_another_chip_or_setting_is_not_gone_on_with(tmp_path):

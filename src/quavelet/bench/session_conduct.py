@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Protocol
 
 from quavelet.bench.session import Session, View
@@ -18,6 +19,8 @@ from quavelet.settings import Settings
 LOOKS_HZ = 20.0
 """Often enough for a person to see the board follow; at 200 Hz ten frames wait in the FIFO, which has room for 73."""
 KEPT_EACH_S = 20.0
+SILENT_S = 1.0
+SILENT = "the chip gives nothing: look at its plug and wires; nothing that is measured is lost"
 
 
 class Operator(Protocol):
@@ -50,6 +53,7 @@ def conduct(
     rate_hz = max(LOOKS_HZ, settings.chip.sample_rate_hz / 35.0)
     loop = FixedStepLoop(clock, period_ns=round(NS_PER_S / rate_hz))
     asked, begun, kept_ns = 0, (-1, 0), clock.now_ns()
+    fed_ns = kept_ns
     try:
         for now_ns in loop.deadlines():
             if stopped():
@@ -58,7 +62,12 @@ def conduct(
             if block is None:
                 raise CalibrationError("the samples ended before the session did: resume it with the board")
             session.feed(block)
+            fed_ns = now_ns if len(block) else fed_ns
             view = session.view()
+            if now_ns - fed_ns > SILENT_S * NS_PER_S:
+                view = replace(view, notice=SILENT)
+            elif store.failure:
+                view = replace(view, notice=view.notice or store.failure)
             operator.show(view)
             if view.asked != asked and view.instruction is not None and view.seen is not None:
                 asked = view.asked

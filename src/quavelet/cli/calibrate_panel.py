@@ -22,7 +22,7 @@ REDRAW_S = 0.1
 WIDTH = 80
 INSTRUCTION_LINES = 3
 SHOWN_DEG = 10.0
-_BAR = 24
+_BAR = 20
 
 
 class SessionPanel:

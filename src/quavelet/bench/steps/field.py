@@ -43,7 +43,7 @@ class Field(Step):
 
     @property
     def status(self) -> str:
-        return f"{100.0 * self._covered:.0f} of {100.0 * COVERED:.0f} % of all directions"
+        return f"{100.0 * self._covered:.0f} of {100.0 * COVERED:.0f} % of all ways"
 
     def take(self, seen: Seen) -> None:
         new = [(x, y, z) for x, y, z in seen.raw.field_ut.tolist() if isfinite(x + y + z)]

@@ -50,8 +50,8 @@ class WarmUp(Step):
     @property
     def status(self) -> str:
         if self._trend is None:
-            return "looking at the temperature"
-        return f"{self._trend:+.2f} degC/min, steady below {SETTLED_DEGC_MIN:g}"
+            return "watching the temperature"
+        return f"until below {SETTLED_DEGC_MIN:g} degC/min"
 
     def take(self, seen: Seen) -> None:
         now_ns = int(seen.rows.t_ns[-1])
@@ -125,8 +125,7 @@ class Temperature(Step):
 
     @property
     def status(self) -> str:
-        trend = "" if self._trend is None else f", {self._trend:+.1f} degC/min"
-        return f"{self._span:.1f} of {SPAN_DEGC:g} degC{trend}"
+        return f"{self._span:.1f} of {SPAN_DEGC:g} degC"
 
     def take(self, seen: Seen) -> None:
         self.notice = too_hot(seen)
