@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import signal
 import subprocess
@@ -13,7 +14,7 @@ import pytest
 from program import PROGRAM, Done, quavelet
 
 from hw_fakes.wire.bench import BenchBus
-from quavelet.calibration.record_file import load_record
+from quavelet.calibration.record_file import file_name, load_record
 from quavelet.cli import exits
 from quavelet.core.clock import VirtualClock
 from quavelet.core.units import DEG_PER_RAD, STANDARD_GRAVITY_M_S2
@@ -72,6 +73,20 @@ def test_before_and_after_are_of_poses_held_out_and_of_the_data_sheet(calibrated
     figures = {finding["name"]: finding["figures"] for finding in told["findings"] if finding["figures"]}
     assert figures["accelerometer"]["after_mg"] < 1.0 < 10.0 < figures["accelerometer"]["before_mg"]
     assert figures["gyroscope bias"]["after_dps"] < 0.02 < 1.0 < figures["gyroscope bias"]["before_dps"]
+
+
+def test_run_finds_the_calibration_by_the_chip_and_says_so(calibrated, tmp_path):
+    record = load_record(calibrated[1])
+    place = tmp_path / "quavelet" / "calibration" / file_name(record.chip)
+    place.parent.mkdir(parents=True)
+    place.write_bytes(calibrated[1].read_bytes())
+    env = {**os.environ, "XDG_CONFIG_HOME": str(tmp_path)}
+    done = quavelet("run", "--bus", "fake:bench:7", "--virtual-time", "--duration", 4, env=env)
+    assert any(str(place) in line and record.made.utc in line for line in done.said), done.err
+    last = json.loads(done.lines[-1])
+    assert float(np.linalg.norm(last["accel_m_s2"])) == pytest.approx(STANDARD_GRAVITY_M_S2, rel=3e-3)
+    other = quavelet("run", "--bus", "fake:bench:8", "--virtual-time", "--duration", 1, env=env)
+    assert not any(str(place) in line for line in other.said)
 
 
 def test_a_calibration_that_is_worse_is_not_put_in_the_place_of_a_better_one_unasked(calibrated, tmp_path):
@@ -145,6 +160,9 @@ def test_a_recording_stands_in_for_the_board(tmp_path):
     figures = {finding["name"]: finding["figures"] for finding in told["findings"]}
     assert figures["accelerometer"]["after_mg"] < 3.0 < 10.0 < figures["accelerometer"]["before_mg"]
     assert load_record(out).accelerometer.frame == "sensor"
+    nowhere = quavelet("calibrate", "--from", recording)
+    assert nowhere.code == exits.USAGE
+    assert "give --out" in nowhere.said[0]
 
 
 def test_lines_for_a_person_end_with_the_verdict(tmp_path):

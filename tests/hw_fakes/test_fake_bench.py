@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hw_fakes import open_fake
+from hw_fakes.chip.registers import ACCEL_TRIM
 from hw_fakes.wire.bench import BenchBus
 from hw_fakes.world.motion_told import ToldMotion
 from quavelet.bus.protocol import FollowsInstructions
@@ -75,6 +76,12 @@ def test_boards_of_two_seeds_differ_and_one_seed_gives_one_board():
     (one, _), (same, _), (other, _) = bench(5), bench(5), bench(6)
     assert one.sensor == same.sensor
     assert one.sensor.gyro_bias_rad_s != other.sensor.gyro_bias_rad_s
+
+
+def test_every_drawn_chip_is_of_the_usual_silicon_and_has_a_trim_of_its_own():
+    trims = [bench(seed)[0].chip.accel_trim for seed in range(40)]
+    assert len(set(trims)) == 40
+    assert {tuple(word & 1 for word in trim) for trim in trims} == {tuple(word & 1 for word in ACCEL_TRIM)}
 
 
 def test_it_is_opened_by_name_with_a_seed_and_follows_instructions():

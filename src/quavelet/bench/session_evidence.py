@@ -9,18 +9,22 @@ import numpy as np
 
 from quavelet.calibration.model import Vector
 from quavelet.calibration.poses import StillPose, vector
-from quavelet.calibration.record import ChipIdentity
+from quavelet.calibration.record import ChipIdentity, OffsetsTable
 from quavelet.core.blocks import CountArray, FlagArray, FloatArray, IntArray, RawBlock, Scale
 from quavelet.core.units import DEG_PER_RAD
 
 
 class Chip(msgspec.Struct, frozen=True, kw_only=True):
-    """Which chip it is of, and how that was set: evidence of another cannot be gone on with."""
+    """Which chip it is of, and how that was set: evidence of another cannot be gone on with.
+
+    offsets   what was written to its own offset registers, None for the factory's words
+    """
 
     identity: ChipIdentity
     gyro_range_dps: int
     accel_range_g: int
     scale: Scale
+    offsets: OffsetsTable | None = None
 
 
 class Move(msgspec.Struct, frozen=True, kw_only=True):

@@ -151,6 +151,7 @@ def _record(
         gyro_bias=gyro_bias_table(bias) if bias else None,
         gyro_scale=gyro_scale_table(turns) if turns else None,
         magnetometer=magnetometer_table(field) if field else None,
+        offsets=evidence.chip.offsets,
     )
 
 

@@ -20,8 +20,8 @@ from quavelet.bench.session_store import SessionStore
 from quavelet.bench.session_verdict import verdict
 from quavelet.bus.open import open_bus
 from quavelet.bus.protocol import FollowsInstructions, I2CBus
-from quavelet.calibration.record import CalibrationRecord, ChipIdentity, reasons_worse
-from quavelet.calibration.record_file import check_writable, default_path, load_record, save_record
+from quavelet.calibration.record import CalibrationRecord, ChipIdentity, OffsetsTable, reasons_worse
+from quavelet.calibration.record_file import check_writable, default_path, from_toml, load_record, save_record
 from quavelet.cli import exits, options
 from quavelet.cli.calibrate_operator import operator_for
 from quavelet.cli.calibrate_report import write_report
@@ -33,6 +33,7 @@ from quavelet.core.health import Health
 from quavelet.mpu6050.access import RegisterAccess
 from quavelet.mpu6050.fingerprint import fingerprint_of
 from quavelet.mpu6050.magnetometer.asked import MagnetometerParams
+from quavelet.mpu6050.offset_plan import OffsetPlan
 from quavelet.mpu6050.source import ChipSource
 from quavelet.mpu6050.stream import StreamInfo
 from quavelet.recording.reader import RecordingReader
@@ -111,8 +112,7 @@ def calibrate(
     if from_file is not None:
         if bus is not None or virtual_time or resume:
             raise typer.BadParameter("a recording has its own: leave --bus, --virtual-time, --resume out")
-        evidence, src = _recorded(from_file, out)
-        out = out or default_path(evidence.chip.identity)
+        evidence, src, out = _recorded(from_file, out)
     else:
         clock: Clock = VirtualClock() if options.on_virtual_time(settings, virtual_time) else MonotonicClock()
         evidence, out, store = _measured(settings, clock, names, out, yes=yes, quiet=json, resume=resume)
@@ -178,36 +178,51 @@ def _begun(store: SessionStore, chip: Chip, *, resume: bool) -> Evidence:
 
 
 def _chip(i2c: I2CBus, info: StreamInfo, settings: Settings, clock: Clock) -> Chip:
+    plan = settings.offsets.plan()
     access = RegisterAccess(i2c, address=info.address, clock=clock, health=Health())
-    return Chip(
-        identity=ChipIdentity(
-            who_am_i=info.who_am_i,
-            name=info.variant.name,
-            bus=info.src,
-            address=info.address,
-            fingerprint=fingerprint_of(access, variant=info.variant, offsets=settings.offsets.plan()),
-        ),
-        gyro_range_dps=info.gyro_range_dps,
-        accel_range_g=info.accel_range_g,
-        scale=info.scale,
+    identity = ChipIdentity(
+        who_am_i=info.who_am_i,
+        name=info.variant.name,
+        bus=info.src,
+        address=info.address,
+        fingerprint=fingerprint_of(access, variant=info.variant, offsets=plan),
     )
+    return _set_up(identity, info, plan)
 
 
-def _recorded(file: Path, out: Path | None) -> tuple[Evidence, str]:
-    """The evidence in a recording."""
+def _recorded(file: Path, out: Path | None) -> tuple[Evidence, str, Path]:
+    """The evidence in a recording, what it is of, and where the calibration goes."""
     reader = RecordingReader(file)
     source = ReplaySource(reader, health=Health())
-    info = source.info
-    chip = Chip(
-        identity=ChipIdentity(who_am_i=info.who_am_i, name=info.variant.name, bus=info.src, address=info.address),
+    info, in_use = source.info, reader.header.calibration
+    if in_use:
+        identity = from_toml(in_use).chip
+    elif out is not None:
+        identity = ChipIdentity(who_am_i=info.who_am_i, name=info.variant.name, bus=info.src, address=info.address)
+    else:
+        # Only a chip says by its factory's trim which one it is, and `run` looks for it by that.
+        raise typer.BadParameter("the recording does not say which chip it is of: give --out", param_hint="--from")
+    chip = _set_up(identity, info, source.settings.offsets.plan())
+    out = out or default_path(identity)
+    check_writable(out)
+    evidence = evidence_of((block for block in iter(source.read, None) if len(block)), chip)
+    reader.check()
+    return evidence, f"replay:{info.src}", out
+
+
+def _set_up(identity: ChipIdentity, info: StreamInfo, plan: OffsetPlan | None) -> Chip:
+    offsets = None
+    if plan is not None:
+        offsets = OffsetsTable(
+            accel_factory=plan.accel_factory, gyro_factory=plan.gyro_factory, accel=plan.accel, gyro=plan.gyro
+        )
+    return Chip(
+        identity=identity,
         gyro_range_dps=info.gyro_range_dps,
         accel_range_g=info.accel_range_g,
         scale=info.scale,
+        offsets=offsets,
     )
-    check_writable(out or default_path(chip.identity))
-    evidence = evidence_of((block for block in iter(source.read, None) if len(block)), chip)
-    reader.check()
-    return evidence, f"replay:{info.src}"
 
 
 class _Stop:
