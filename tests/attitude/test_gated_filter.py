@@ -218,33 +218,3 @@ def test_the_gyroscope_alone_never_asks_gravity():
 def test_a_value_that_the_kind_has_no_use_for_is_an_error(params, says):
     with pytest.raises(SettingsError, match=says):
         FilterParams(**params)
-
-
-@pytest.mark.parametrize("off", [-0.03, 0.02])
-def test_scale_of_an_uncalibrated_gyroscope_leans_the_board_for_ever(off):
-    """3 % (PS 6.1) of a board that rocks by 60 deg: the tilt shows the scale, and it is learned."""
-    t = np.arange(int(120 * FS)) / FS
-    rate_deg_s = 60.0 * 0.5 * np.sin(0.5 * t)
-    data = noisy(rate_deg_s, noise=DATA_SHEET, axis=0)
-    wrong = replace(data, gyro_rad_s=data.gyro_rad_s * (1.0 + off * (np.arange(3) == 0)))
-    unsure = replace(RESIDUAL, gyro_scale=0.0173)
-    runner = FilterParams(kind="velocity").build(residual=unsure)
-    found = runner.process(wrong)
-    truth = FilterParams(kind="velocity").build(residual=RESIDUAL).process(data)
-    error_deg = np.degrees(inclination_between(truth.q, found.q))
-    assert runner.state().scale[0] == pytest.approx(1.0 / (1.0 + off) - 1.0, abs=0.003)
-    assert np.sqrt((error_deg[-3000:] ** 2).mean()) < 0.25
-    assert np.abs(np.array(runner.state().scale)[1:]).max() < 0.01
-
-
-def test_rate_beyond_its_range_is_believed():
-    """A turn of which the gyroscope saw the half: gravity has it right again soon, where the flag says why."""
-    rate_deg_s = np.concatenate([np.zeros(3000), np.full(30, 300.0), np.zeros(300)])
-    data = noisy(rate_deg_s, noise=DATA_SHEET, axis=0)
-    seen = replace(data, gyro_rad_s=np.clip(data.gyro_rad_s, -np.radians(250.0), np.radians(250.0)))
-    clipped = np.where(np.abs(data.gyro_rad_s[:, 0]) > np.radians(250.0), np.uint32(Flag.GYRO_CLIPPED), np.uint32(0))
-    errors = []
-    for flags in (clipped, np.zeros_like(clipped)):
-        q = gated(replace(seen, flags=flags), kind="velocity").q
-        errors.append(float(np.degrees(inclination_between(gated(data, kind="velocity").q, q))[-200:].mean()))
-    assert errors[0] < 0.3 * errors[1]

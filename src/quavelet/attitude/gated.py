@@ -66,8 +66,7 @@ class GatedState:
     rate_rad_s          the last sample's rate with its bias, None before the first sample
     bias_rad_s, known   what is taken off it; known: it has been measured at rest
     rows                rate and force of the current chunk's samples, and `chunk_s` its length
-    vx, vy, across, spin, turning, blind_s   what the current chunk adds up to while moving (`Swing`)
-    scale               what the rate is multiplied by, less 1, x y z: learned while moving
+    vx, vy, across, turning   what the current chunk adds up to while moving (`Swing`)
     tilt_ms             mean square of the tilt error while still
     agreeing_s          how long a moving board has looked still
     up_s                time since the first sample
@@ -86,10 +85,7 @@ class GatedState:
     vx: float = 0.0
     vy: float = 0.0
     across: tuple[float, ...] = (0.0,) * 6
-    spin: tuple[float, ...] = (0.0,) * 6
     turning: float = 0.0
-    blind_s: float = 0.0
-    scale: Vector = ZERO
     gate: Gate | None = None
     level_sum: Vector = ZERO
     stuck_s: float = 0.0
@@ -125,8 +121,7 @@ class GatedFilter:
         self._relearn_s = relearn_s
         self._gated = gate
         self._method: Method = method
-        horizon = started(START_TILT_RAD, np.full(3, BIAS_LIMIT_SIGMA_RAD_S**2), residual.gyro_scale**2 * np.eye(3))
-        self._s = GatedState(horizon, listening.unheard())
+        self._s = GatedState(started(START_TILT_RAD, np.full(3, BIAS_LIMIT_SIGMA_RAD_S**2)), listening.unheard())
 
     def state(self) -> GatedState:
         return copy(self._s)
@@ -162,7 +157,6 @@ class GatedFilter:
             if not flag & Flag.BIAS_UNKNOWN and not s.known:
                 self._adopt(s, tuple(given), temp_degc)
             if not flag & Flag.STUCK:
-                s.blind_s += dt if flag & Flag.GYRO_CLIPPED else 0.0
                 self._take(s, tuple(rate), tuple(force), dt, at_rest, temp_degc)
             q[k] = s.q if s.q[0] >= 0.0 else [-x for x in s.q]
             sigma[k] = self._sigmas(s)
@@ -195,7 +189,7 @@ class GatedFilter:
         self._close(s, temp_degc)
         s.known, s.bias_rad_s, s.bias_degc, s.heading = True, bias, temp_degc, Heading()
         variance = np.full(3, self._residual.gyro_bias_rad_s**2)
-        s.horizon = started(sqrt(s.horizon.tilt_ms), variance, s.horizon.scale_cov)
+        s.horizon = started(sqrt(s.horizon.tilt_ms), variance)
         if s.level_sum != ZERO:
             s.settling, s.level_sum = False, ZERO
 
@@ -211,8 +205,7 @@ class GatedFilter:
         s.rows += ((*rate, *force),)
         s.chunk_s += dt
         bx, by, bz = s.bias_rad_s
-        gx, gy, gz = s.scale
-        w = ((rate[0] - bx) * (1.0 + gx), (rate[1] - by) * (1.0 + gy), (rate[2] - bz) * (1.0 + gz))
+        w = (rate[0] - bx, rate[1] - by, rate[2] - bz)
         if s.gate is None:
             self._turn(s, w, force, dt)
         elif left(s.gate, w):
@@ -235,9 +228,6 @@ class GatedFilter:
         s.vy += dt * (d * mx + e * my + f * mz)
         sa, sb, sc, sd, se, sf = s.across
         s.across = (sa + a * dt, sb + b * dt, sc + c * dt, sd + d * dt, se + e * dt, sf + f * dt)
-        sa, sb, sc, sd, se, sf = s.spin
-        x, y, z = dt * wx, dt * wy, dt * wz
-        s.spin = (sa + a * x, sb + b * y, sc + c * z, sd + d * x, se + e * y, sf + f * z)
         s.turning += dt * (wx * wx + wy * wy + wz * wz)
         s.q = step(s.q, w, dt, self._method)
 
@@ -250,8 +240,7 @@ class GatedFilter:
         self._empty(s)
 
     def _empty(self, s: GatedState) -> None:
-        s.rows, s.chunk_s, s.vx, s.vy = (), 0.0, 0.0, 0.0
-        s.across, s.spin, s.turning, s.blind_s = (0.0,) * 6, (0.0,) * 6, 0.0, 0.0
+        s.rows, s.chunk_s, s.vx, s.vy, s.across, s.turning = (), 0.0, 0.0, 0.0, (0.0,) * 6, 0.0
 
     def _close(self, s: GatedState, temp_degc: float) -> None:
         """The current chunk ends here."""
@@ -269,13 +258,11 @@ class GatedFilter:
             s.settling = False
 
     def _correct(self, s: GatedState) -> None:
-        swing = Swing(s.chunk_s, (s.vx, s.vy), s.across, s.spin, s.turning, s.blind_s)
-        scale_sigma = self._residual.gyro_scale
-        s.horizon, found = after_swing(s.horizon, swing, density=self._density, scale_sigma=scale_sigma)
+        swing = Swing(s.chunk_s, (s.vx, s.vy), s.across, s.turning)
+        s.horizon, found = after_swing(s.horizon, swing, density=self._density)
         x, y = found.tilt_rad
         s.q = normalised(product((1.0, 0.5 * x, 0.5 * y, 0.0), s.q))
         s.bias_rad_s = _sum(s.bias_rad_s, found.bias_rad_s)
-        s.scale = _sum(s.scale, found.scale)
 
     def _age_heading(self, s: GatedState, chunk: FloatArray, temp_degc: float) -> None:
         up = np.array(up_in_body(s.q))
@@ -321,15 +308,14 @@ class GatedFilter:
             back = -float(((taken.mean_rad_s - bias) * up).sum()) * taken.duration_s
             s.q = step(s.q, _vector(back * up), 1.0, "exp")
             s.bias_rad_s = _vector(taken.mean_rad_s)
-            variance = s.quiet.density2[:3] / taken.duration_s
-            s.horizon = started(sqrt(s.horizon.tilt_ms), variance, s.horizon.scale_cov)
+            s.horizon = started(sqrt(s.horizon.tilt_ms), s.quiet.density2[:3] / taken.duration_s)
 
     def _leave(self, s: GatedState, gate: Gate, partial: FloatArray) -> None:
         """From still to moving: what the rate of the last seconds turned is turned after all."""
         replay = replayed(gate, s.quiet, partial, s.q, np.array(s.bias_rad_s))
         s.q = step(s.q, replay.turn_rad, 1.0, "exp")
         s.bias_rad_s = _vector(replay.bias)
-        s.horizon = started(replay.tilt_rad, replay.bias_variance, s.horizon.scale_cov)
+        s.horizon = started(replay.tilt_rad, replay.bias_variance)
         s.gate = None
         if len(partial):
             s.quiet = listening.interrupted(s.quiet)
@@ -338,7 +324,7 @@ class GatedFilter:
     def _interrupt(self, s: GatedState) -> None:
         """Samples are missing: what was collected stands by itself."""
         if s.gate is not None:
-            s.horizon = started(sqrt(s.gate.tilt_ms), s.gate.bias_variance, s.horizon.scale_cov)
+            s.horizon = started(sqrt(s.gate.tilt_ms), s.gate.bias_variance)
             s.gate = None
         elif s.rows:
             self._correct(s)
@@ -365,7 +351,7 @@ class GatedFilter:
         if gap_s > LONG_GAP_S:
             s.q = levelled(s.q, force)
             s.settling, s.settled_s, tilt_ms = True, 0.0, START_TILT_RAD**2
-        s.horizon = started(sqrt(tilt_ms), s.horizon.bias_variance, s.horizon.scale_cov)
+        s.horizon = started(sqrt(tilt_ms), s.horizon.bias_variance)
 
     def _sigmas(self, s: GatedState) -> tuple[float, float, float]:
         """One sigma in rad of tilt (about each horizontal axis) and of yaw since it counts from zero."""
