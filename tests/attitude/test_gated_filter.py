@@ -218,3 +218,16 @@ def test_the_gyroscope_alone_never_asks_gravity():
 def test_a_value_that_the_kind_has_no_use_for_is_an_error(params, says):
     with pytest.raises(SettingsError, match=says):
         FilterParams(**params)
+
+
+def test_rate_beyond_its_range_is_believed():
+    """A turn of which the gyroscope saw a part: gravity has it right again soon, where the flag says why."""
+    rate_deg_s = np.concatenate([np.zeros(3000), np.full(30, 300.0), np.zeros(300)])
+    data = noisy(rate_deg_s, noise=DATA_SHEET, axis=0)
+    seen = replace(data, gyro_rad_s=np.clip(data.gyro_rad_s, -np.radians(250.0), np.radians(250.0)))
+    clipped = np.where(np.abs(data.gyro_rad_s[:, 0]) > np.radians(250.0), np.uint32(Flag.GYRO_CLIPPED), np.uint32(0))
+    errors = []
+    for flags in (clipped, np.zeros_like(clipped)):
+        q = gated(replace(seen, flags=flags), kind="velocity").q
+        errors.append(float(np.degrees(inclination_between(gated(data, kind="velocity").q, q))[-200:].mean()))
+    assert errors[0] < 0.3 * errors[1]

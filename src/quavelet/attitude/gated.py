@@ -66,7 +66,7 @@ class GatedState:
     rate_rad_s          the last sample's rate with its bias, None before the first sample
     bias_rad_s, known   what is taken off it; known: it has been measured at rest
     rows                rate and force of the current chunk's samples, and `chunk_s` its length
-    vx, vy, across, turning   what the current chunk adds up to while moving (`Swing`)
+    vx, vy, across, turning, blind_s   what the current chunk adds up to while moving (`Swing`)
     tilt_ms             mean square of the tilt error while still
     agreeing_s          how long a moving board has looked still
     up_s                time since the first sample
@@ -86,6 +86,7 @@ class GatedState:
     vy: float = 0.0
     across: tuple[float, ...] = (0.0,) * 6
     turning: float = 0.0
+    blind_s: float = 0.0
     gate: Gate | None = None
     level_sum: Vector = ZERO
     stuck_s: float = 0.0
@@ -157,6 +158,7 @@ class GatedFilter:
             if not flag & Flag.BIAS_UNKNOWN and not s.known:
                 self._adopt(s, tuple(given), temp_degc)
             if not flag & Flag.STUCK:
+                s.blind_s += dt if flag & Flag.GYRO_CLIPPED else 0.0
                 self._take(s, tuple(rate), tuple(force), dt, at_rest, temp_degc)
             q[k] = s.q if s.q[0] >= 0.0 else [-x for x in s.q]
             sigma[k] = self._sigmas(s)
@@ -240,7 +242,8 @@ class GatedFilter:
         self._empty(s)
 
     def _empty(self, s: GatedState) -> None:
-        s.rows, s.chunk_s, s.vx, s.vy, s.across, s.turning = (), 0.0, 0.0, 0.0, (0.0,) * 6, 0.0
+        s.rows, s.chunk_s, s.vx, s.vy = (), 0.0, 0.0, 0.0
+        s.across, s.turning, s.blind_s = (0.0,) * 6, 0.0, 0.0
 
     def _close(self, s: GatedState, temp_degc: float) -> None:
         """The current chunk ends here."""
@@ -258,7 +261,7 @@ class GatedFilter:
             s.settling = False
 
     def _correct(self, s: GatedState) -> None:
-        swing = Swing(s.chunk_s, (s.vx, s.vy), s.across, s.turning)
+        swing = Swing(s.chunk_s, (s.vx, s.vy), s.across, s.turning, s.blind_s)
         s.horizon, found = after_swing(s.horizon, swing, density=self._density)
         x, y = found.tilt_rad
         s.q = normalised(product((1.0, 0.5 * x, 0.5 * y, 0.0), s.q))

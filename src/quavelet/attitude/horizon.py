@@ -29,6 +29,8 @@ BIAS_WALK_RAD = 5e-4 * RAD_PER_DEG
 SURPRISE = 20.0
 """A velocity is believed up to so many sigma: a fall is none that stays near zero."""
 MISFIT_TAU_S = 5.0
+BLIND_RAD_S = 3.0
+"""One sigma of a rate beyond the range."""
 LEAN_TAU_S = 8.0
 LEAN_SHARE = 0.3
 WORST = 20.0
@@ -46,12 +48,14 @@ class Swing:
     velocity     change of the horizontal velocity in m/s, world x and y
     across       2 by 3, row by row: the integral of the attitude matrix' horizontal rows, s
     turning      integral of the squared rate, rad^2/s
+    blind_s      time for which a rate stood at the end of its range
     """
 
     duration_s: float = 0.0
     velocity: tuple[float, float] = (0.0, 0.0)
     across: tuple[float, ...] = (0.0,) * 6
     turning: float = 0.0
+    blind_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -114,6 +118,7 @@ def after_swing(h: Horizon, swing: Swing, *, density: float) -> tuple[Horizon, F
     lean_ms = (h.lean[0] * h.lean[0] + h.lean[1] * h.lean[1]) * LEAN_TAU_S / density
     worse = min(max(1.0, LEAN_SHARE * lean_ms), WORST * WORST)
     spread = GYRO_DENSITY_RAD * GYRO_DENSITY_RAD * t + worse * TURNING * TURNING * swing.turning
+    spread += (BLIND_RAD_S * swing.blind_s) ** 2
     p[0, 0] += spread
     p[1, 1] += spread
     for i in (4, 5, 6):
