@@ -1,6 +1,8 @@
 """Recordings and buses for the tests of the command line."""
 
 import os
+import signal
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -35,6 +37,14 @@ def open_odd(which, *, clock):
         return Dying({0x68: FakeMpu6050(clock)}, clock=clock, name="odd:dying")
     raise bus_error(getattr(errno, which), bus="/dev/i2c-1")
 '''
+
+
+@pytest.fixture(scope="session", autouse=True)
+def programs_heed_ctrl_c() -> Iterator[None]:
+    """A job in the background of a script has SIGINT ignored, and hands that down."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
 
 
 @pytest.fixture(scope="session")

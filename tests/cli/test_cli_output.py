@@ -5,7 +5,6 @@ import os
 import pty
 import signal
 import subprocess
-from functools import partial
 from itertools import pairwise
 from pathlib import Path
 
@@ -122,20 +121,6 @@ def test_a_run_in_real_time_ends_on_a_signal_with_its_summary(number: signal.Sig
     assert messages([first, *rest.splitlines()])
     assert "samples from fake:tilt" in said and "loop: " in said
     assert quavelet("replay", path).code == exits.OK
-
-
-def test_an_interrupted_check_up_ends_without_a_traceback() -> None:
-    command = [PROGRAM, "doctor", "--bus", "fake:still"]
-    # A job in the background of a script has SIGINT ignored, and hands that down.
-    heeds = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
-    with subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=heeds
-    ) as running:
-        assert running.stdout
-        running.stdout.readline()
-        running.send_signal(signal.SIGINT)
-        _, said = running.communicate(timeout=30)
-    assert (running.returncode, said) == (exits.INTERRUPTED, "")
 
 
 def test_a_terminal_gets_the_panel_and_no_json() -> None:
