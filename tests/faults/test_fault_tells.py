@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import pytest
 from chip_rig import Rig, config
@@ -13,6 +13,7 @@ from magnetometer_stream_rig import MagStreamRig
 
 from hw_fakes import NOISE_ONLY, Tilt, Turntable
 from hw_fakes.faults.plan import parse
+from quavelet.calibration.model import ImuCalibration
 from quavelet.core.blocks import Flag
 from quavelet.core.health import Health
 from quavelet.pipeline import build_pipeline
@@ -88,7 +89,7 @@ def with_magnetometer(*, strength_ut: float = 49.0, unplugged: bool = False, sec
 
 
 def pipelined(rig: Rig) -> int:
-    pipeline = build_pipeline(Settings())
+    pipeline = build_pipeline(Settings(), calibration=ImuCalibration(lowest_degc=15.0, highest_degc=35.0))
     flags = 0
     for block in rig.blocks:
         for row in pipeline.process(block).flags.tolist():
@@ -118,6 +119,9 @@ FLAGS: dict[str, Callable[[], Rig]] = {
     "IMPLAUSIBLE": lambda: struck("temperature by=30 for=0.3"),
     "STUCK": lambda: struck("frozen for=1"),
     "HEADING_SUSPECT": slowly_turned,
+    "UNCALIBRATED_TEMPERATURE": lambda: struck(
+        imperfections=replace(NOISE_ONLY, temp_degc=50.0, warm_temp_degc=50.0), seconds=0.1
+    ),
     "FIELD_LOST": lambda: with_magnetometer(unplugged=True, seconds=1.5),
     "FIELD_DISTURBED": lambda: with_magnetometer(strength_ut=400.0),
 }

@@ -105,7 +105,7 @@ class SpikeRule:
                 before, began = (), True
             sure = len(before) == BEFORE
             end = gap_at if gap_at is not None and k < gap_at else len(rows)
-            after = rows[k + 1 : end]
+            after = rows[k + 1 : min(end, k + 2 + AROUND)]
             jumped = stands_alone(row, before, bounds) if sure else began
             if sure and jumped and after and stands_alone(after[0], before, bounds):
                 # What spoilt the next one may have begun in this: then the one behind it is to be compared with.
