@@ -109,7 +109,7 @@ MUTANTS = (
     Mutant("pulses missed for ever", "pulses.py", "s = replace(s, pulse_ns=newest.t_ns, missed=False)", "s = replace(s, pulse_ns=newest.t_ns)", (DATA_READY,)),
     Mutant("pulses never missed", "pulses.py", "elif not s.missed and now_ns", "elif False and now_ns", (DATA_READY,)),
     Mutant("vanished frame not told", "pulses.py", "return missing > 0", "return False", (DATA_READY,)),
-    Mutant("line begun on old pulses", "pulses.py", "self._tell(taken, edge, anew=True)", "self._tell(taken, edge)", (DATA_READY,)),
+    Mutant("line begun on old pulses", "pulses.py", "self._tell(taken, edge, anew=True)", "self._tell(taken, edge)", ("tests/mpu6050/test_mpu_pulses.py",)),
     Mutant("failing line stops the stream", "source.py", "edges = line.wait(0.0)\n        except BusError", "edges = line.wait(0.0)\n        except ZeroDivisionError", (DATA_READY,)),
     Mutant("latched pin left so", "config.py", "pin |= r.INT_LEVEL.mask | r.INT_OPEN.mask | r.LATCH_INT_EN.mask", "pass", (DATA_READY,)),
     Mutant("no end of tries", "startup.py", "or self._tries < MAX_TRIES", "or True", (START,)),
