@@ -44,7 +44,7 @@ from quavelet.attitude.fusion_root import Rows, add_noise, frozen, isolate, sigm
 from quavelet.attitude.inputs import refuse_bad
 from quavelet.attitude.kernel import ZERO, Vector, levelled, standing
 from quavelet.attitude.pid import HOLD_S, LONG_GAP_S
-from quavelet.attitude.samples import Sample, samples
+from quavelet.attitude.samples import Sample, attitude_of, samples
 from quavelet.attitude.settling import SETTLED_RAD, UNSETTLED_RAD
 from quavelet.core.blocks import AttitudeBlock, Flag, ImuBlock
 from quavelet.core.units import RAD_PER_DEG
@@ -129,30 +129,18 @@ class FusionFilter:
     def process(self, block: ImuBlock) -> AttitudeBlock:
         refuse_bad(block)
         n = len(block)
-        q, sigmas, flags = np.empty((n, 4)), np.empty((n, 3)), block.flags.copy()
-        bias = np.empty((n, 3))
+        q, sigma, flags = np.empty((n, 4)), np.empty((n, 3)), block.flags.copy()
+        drift = np.empty((n, 3))
         for k, sample in enumerate(samples(block)):
             s = self._s = self._next(self._s, sample)
             e = s.estimate
             assert e is not None
-            q[k] = e.q if e.q[0] >= 0.0 else [-x for x in e.q]
-            sigmas[k] = self._sigmas(s, e)
-            bias[k] = e.bias_rad_s
+            q[k] = e.q
+            sigma[k] = self._sigmas(s, e)
+            drift[k] = e.bias_rad_s
             if s.settling or s.stuck_s:
                 flags[k] |= Flag.SETTLING
-        return AttitudeBlock(
-            t_ns=block.t_ns,
-            period_s=block.period_s,
-            gap_ns=block.gap_ns,
-            flags=flags,
-            q=q,
-            sigma_rad=sigmas,
-            gyro_rad_s=block.gyro_rad_s - bias,
-            accel_m_s2=block.accel_m_s2,
-            temp_degc=block.temp_degc,
-            gyro_bias_rad_s=block.gyro_bias_rad_s + bias,
-            still=block.still,
-        )
+        return attitude_of(block, q=q, sigma_rad=sigma, drift_rad_s=drift, flags=flags)
 
     def _sigmas(self, s: FusionState, e: Estimate) -> tuple[float, float, float]:
         """One sigma of tilt about x and y, and of yaw: the covariance, as much wider as the measurements surprise,

@@ -30,7 +30,7 @@ from quavelet.attitude.kernel import (
     up_in_body,
 )
 from quavelet.attitude.pid import HOLD_S, LONG_GAP_S
-from quavelet.attitude.samples import Sample, samples
+from quavelet.attitude.samples import Sample, attitude_of, samples
 from quavelet.attitude.settling import ACQUIRE_LIMIT_RAD_S, AGREE_S, SETTLED_RAD, UNSETTLED_RAD
 from quavelet.core.blocks import AttitudeBlock, Flag, ImuBlock
 from quavelet.core.errors import SettingsError
@@ -146,31 +146,19 @@ class LiteralFusionFilter:
     def process(self, block: ImuBlock) -> AttitudeBlock:
         refuse_bad(block)
         n = len(block)
-        q, sigma_rad, flags = np.empty((n, 4)), np.empty((n, 3)), block.flags.copy()
+        q, sigma, flags = np.empty((n, 4)), np.empty((n, 3)), block.flags.copy()
         drift = np.empty((n, 3))
         for k, sample in enumerate(samples(block)):
             s = self._s = self._next(self._s, sample)
             at = s.drifting or begun(IDENTITY, self.params)
-            q[k] = at.q if at.q[0] >= 0.0 else [-x for x in at.q]
+            q[k] = at.q
             drift[k] = at.drift_rad_s
             tilt, yaw = sigmas(s.doubt, self._residual)
-            sigma_rad[k] = tilt, tilt, yaw
+            sigma[k] = tilt, tilt, yaw
             if s.settling or s.stuck_s:
                 flags[k] |= Flag.SETTLING
-                sigma_rad[k] = YAW_MAX_RAD
-        return AttitudeBlock(
-            t_ns=block.t_ns,
-            period_s=block.period_s,
-            gap_ns=block.gap_ns,
-            flags=flags,
-            q=q,
-            sigma_rad=sigma_rad,
-            gyro_rad_s=block.gyro_rad_s - drift,
-            accel_m_s2=block.accel_m_s2,
-            temp_degc=block.temp_degc,
-            gyro_bias_rad_s=block.gyro_bias_rad_s + drift,
-            still=block.still,
-        )
+                sigma[k] = YAW_MAX_RAD
+        return attitude_of(block, q=q, sigma_rad=sigma, drift_rad_s=drift, flags=flags)
 
     def _next(self, s: LiteralState, sample: Sample) -> LiteralState:
         if s.drifting is None:

@@ -36,7 +36,7 @@ from quavelet.attitude.kernel import (
     tilt_error,
     up_in_body,
 )
-from quavelet.attitude.samples import Sample, samples
+from quavelet.attitude.samples import Sample, attitude_of, samples
 from quavelet.attitude.settling import Settling, gains_of, restarted, settled
 from quavelet.attitude.settling import after_step as settled_further
 from quavelet.core.blocks import AttitudeBlock, Flag, ImuBlock
@@ -117,28 +117,16 @@ class PidFilter:
         refuse_bad(block)
         n = len(block)
         q, sigma, flags = np.empty((n, 4)), np.empty((n, 3)), block.flags.copy()
-        integral = np.empty((n, 3))
+        drift = np.empty((n, 3))
         for k, sample in enumerate(samples(block)):
             s = self._s = self._next(self._s, sample)
-            q[k] = s.q if s.q[0] >= 0.0 else [-x for x in s.q]
+            q[k] = s.q
             tilt, yaw = sigmas(s.doubt, self._residual)
             sigma[k] = tilt, tilt, yaw
-            integral[k] = s.correction.integral_rad_s
+            drift[k] = [-x for x in s.correction.integral_rad_s]
             if s.settling.settling or s.stuck_s:
                 flags[k] |= Flag.SETTLING
-        return AttitudeBlock(
-            t_ns=block.t_ns,
-            period_s=block.period_s,
-            gap_ns=block.gap_ns,
-            flags=flags,
-            q=q,
-            sigma_rad=sigma,
-            gyro_rad_s=block.gyro_rad_s + integral,
-            accel_m_s2=block.accel_m_s2,
-            temp_degc=block.temp_degc,
-            gyro_bias_rad_s=block.gyro_bias_rad_s - integral,
-            still=block.still,
-        )
+        return attitude_of(block, q=q, sigma_rad=sigma, drift_rad_s=drift, flags=flags)
 
     def _next(self, s: PidState, sample: Sample) -> PidState:
         known = sample.bias is not None
