@@ -15,7 +15,7 @@ from quavelet.bench.session_evidence import Evidence
 from quavelet.bench.session_store import SessionStore
 from quavelet.bench.steps.field import coverage
 from quavelet.bench.steps.turns import turn_of
-from quavelet.calibration.poses import FACES as FACES_OF_THE_FIT
+from quavelet.calibration.poses import face_up
 from quavelet.core.errors import CalibrationError, DeviceLost, SettingsError
 from quavelet.core.instruction import FACES, Instruction
 from quavelet.core.units import DEG_PER_RAD
@@ -74,7 +74,8 @@ def test_the_person_sees_which_faces_are_missing_and_which_is_up(tmp_path):
 
 
 def test_the_table_of_faces_is_that_of_the_fit():
-    assert set(FACES) == set(FACES_OF_THE_FIT)
+    forces = [[sign * 9.8 * (k == axis) for k in range(3)] for axis in range(3) for sign in (1, -1)]
+    assert {face_up(tuple(force)) for force in forces} == set(FACES)
 
 
 def test_a_bump_at_rest_is_in_no_pose_and_the_person_is_told(tmp_path):

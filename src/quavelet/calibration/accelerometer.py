@@ -10,7 +10,7 @@ import numpy as np
 
 from quavelet.calibration.least_squares import Fit, solved
 from quavelet.calibration.model import Matrix, Vector
-from quavelet.calibration.poses import FACES, StillPose, face_up, in_g, noise_of, vector
+from quavelet.calibration.poses import StillPose, face_up, in_g, noise_of, vector
 from quavelet.core.blocks import BoolArray, FloatArray, ImuBlock, IntArray
 from quavelet.core.errors import CalibrationError
 from quavelet.core.units import RAD_PER_DEG, STANDARD_GRAVITY_M_S2
@@ -149,7 +149,7 @@ def _axes_of(placed: Sequence[StillPose]) -> list[int]:
         face = face_up(pose.accel_m_s2)
         if face is None:
             raise CalibrationError("a placed pose lies on no face: put the board flat on one of its six faces")
-        axes.append(FACES.index(face) // 2)
+        axes.append("xyz".index(face[1]))
     if placed and len(set(axes)) < 2:
         raise CalibrationError("one pair of faces does not show the board's axes: put it on another face, too")
     return axes

@@ -19,7 +19,6 @@ LONGEST_S = 10.0
 EDGE_WINDOWS = 1
 """Left off at either end of a stretch: a hand that lets go, or takes hold, is within the limits for a moment."""
 _BAD = int(Flag.GAP | Flag.STUCK | Flag.GYRO_CLIPPED | Flag.ACCEL_CLIPPED)
-FACES = ("+x", "-x", "+y", "-y", "+z", "-z")
 FACE_COS = 0.94
 """A face is up where its axis is within 20 degrees of the vertical."""
 
