@@ -43,6 +43,11 @@ def good_chip(clock: Clock) -> FakeMpu6050:
     return FakeMpu6050(clock, **QUIET)
 
 
+def chip(**arguments: Any) -> Callable[[Clock], FakeMpu6050]:
+    """A maker of a chip like the good one but for these."""
+    return lambda clock: FakeMpu6050(clock, **{**QUIET, **arguments})
+
+
 def checked(
     make: Callable[[Clock], Target] | None = good_chip,
     *faults: str,

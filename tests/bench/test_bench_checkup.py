@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import pytest
-from boards import QUIET, Checked, Clock3231, Registers, checked, good_chip
+from boards import Checked, Clock3231, Registers, checked, chip, good_chip
 
 from hw_fakes import (
     MPU6000,
@@ -23,11 +22,9 @@ from hw_fakes import (
     Sway,
     Turntable,
 )
-from quavelet.bench.host import Host
-from quavelet.bus.faults import bus_error
 from quavelet.bus.protocol import Edge
 from quavelet.core.clock import Clock
-from quavelet.core.errors import BusBusy, BusError, ChipUnstable, DeviceLost, DeviceMissing, WrongChip
+from quavelet.core.errors import BusError, ChipUnstable, DeviceLost, DeviceMissing, WrongChip
 from quavelet.mpu6050.config import ChipConfig
 from quavelet.settings import BusSettings, Settings
 
@@ -46,10 +43,6 @@ POINTS = [
     *("board still", "axes alive", "gyroscope noise", "accelerometer noise", "gyroscope bias", "gravity"),
     *("temperature", "self-test", "FIFO"),
 ]
-
-
-def chip(**arguments: Any) -> Callable[[Clock], FakeMpu6050]:
-    return lambda clock: FakeMpu6050(clock, **{**QUIET, **arguments})
 
 
 def config(rate_hz: float = 200.0, *, dlpf: int = 3, gyro: int = 500, accel: int = 4) -> Settings:
@@ -323,84 +316,6 @@ def test_a_good_chip_is_left_as_after_power_up() -> None:
     assert chips[0].written[-1] == (0x6B, 0x80)
 
 
-class Refusing:
-    """A bus whose transfers to one address are refused as a kernel that holds it does."""
-
-    def __init__(self, code: int) -> None:
-        self.code = code
-
-    def __call__(self, bus: FakeBus) -> None:
-        transfer = bus._transfer
-
-        def refusing(messages: Any) -> Any:
-            if messages[0][0] == 0x68:
-                raise bus_error(self.code, bus="linux:1", address=0x68)
-            return transfer(messages)
-
-        bus._transfer = refusing  # type: ignore[method-assign]
-
-
-@pytest.mark.parametrize(
-    ("device", "driver", "words"),
-    [
-        ("ds3231", "rtc-ds1307", "a clock chip has this address"),
-        ("mpu6050", "inv-mpu6050-i2c", "modprobe -r inv_mpu6050_i2c"),
-        ("", "", "wire AD0 high"),
-    ],
-)
-def test_an_address_the_kernel_holds_is_told_with_who_holds_it(
-    device: str, driver: str, words: str, tmp_path: Path
-) -> None:
-    if device:
-        folder = tmp_path / "sys/bus/i2c/devices/1-0068"
-        drivers = tmp_path / "sys/bus/i2c/drivers" / driver
-        folder.mkdir(parents=True)
-        drivers.mkdir(parents=True)
-        (folder / "name").write_text(f"{device}\n")
-        (folder / "driver").symlink_to(drivers)
-    done = checked(prepare=Refusing(16), host=Host(tmp_path), settings=Settings(bus=BusSettings(name="linux:1")))
-    assert done.bad == ["who answers"]
-    assert isinstance(done.error, BusBusy)
-    assert words in done["who answers"].advice
-    assert driver in done["who answers"].found
-
-
-def host_with_buses(root: Path, **adapters: str) -> Host:
-    for bus, name in adapters.items():
-        path = bus.replace("_", "-")
-        (root / "dev").mkdir(exist_ok=True)
-        (root / "dev" / path).touch()
-        folder = root / "sys/bus/i2c/devices" / path
-        folder.mkdir(parents=True)
-        (folder / "name").write_text(f"{name}\n")
-    return Host(root)
-
-
-def test_the_buses_there_are_are_told_and_the_clock_asked_for(tmp_path: Path) -> None:
-    host = host_with_buses(tmp_path, i2c_1="bcm2835 (i2c@7e804000)", i2c_20="fef04500.i2c")
-    node = tmp_path / "sys/bus/i2c/devices/i2c-1/of_node"
-    node.mkdir()
-    (node / "clock-frequency").write_bytes((100_000).to_bytes(4, "big"))
-    done = checked(host=host, settings=Settings(bus=BusSettings(name="linux:1")))
-    assert done["bus"].found == "linux:1 (bcm2835 (i2c@7e804000)) is open; there are also linux:20 (fef04500.i2c)"
-    assert "set to 100 kHz" in done["wire speed"].found
-
-
-@pytest.mark.parametrize(("there", "words"), [(("i2c_1",), "--bus"), ((), "raspi-config")])
-def test_a_bus_that_is_not_there_is_told_with_those_that_are(
-    there: tuple[str, ...], words: str, tmp_path: Path
-) -> None:
-    host = host_with_buses(tmp_path, **dict.fromkeys(there, "bcm2835"))
-
-    def missing(_bus: FakeBus) -> None:
-        raise bus_error(2, bus="/dev/i2c-7")
-
-    done = checked(prepare=missing, host=host, settings=Settings(bus=BusSettings(name="linux:7")))
-    assert done.names == ["bus"]
-    assert words in done["bus"].advice
-    assert ("linux:1 (bcm2835)" in done["bus"].found) == bool(there)
-
-
 @pytest.mark.parametrize("personality", PERSONALITIES, ids=lambda personality: personality.name)
 def test_every_chip_of_the_family_passes_and_its_owner_hears_which_it_is(personality: Personality) -> None:
     done = checked(chip(personality=personality))
@@ -417,62 +332,3 @@ def test_a_chip_that_is_unknown_passes_where_its_owner_asks_for_it() -> None:
     accepted = checked(unknown, settings=Settings(bus=BusSettings(accept_id=0x7D)))
     assert accepted["WHO_AM_I"].ok
     assert "gravity" in accepted.names
-
-
-def test_an_axis_that_fails_its_self_test_is_named() -> None:
-    done = checked(chip(self_test_codes=(0, 0, 0, 0)))
-    assert done.bad == ["self-test"]
-    assert done["self-test"].advice.startswith("accel x does not respond at all")
-
-
-def shaken_while_pushed(times: float) -> Callable[[Clock], FakeMpu6050]:
-    """A chip whose gyroscope shows spikes the first so many times that its self-test is on."""
-
-    def make(clock: Clock) -> FakeMpu6050:
-        shaken, seen, before = good_chip(clock), 0, False
-
-        def spoil(words: Any) -> Any:
-            nonlocal seen, before
-            pushed = bool(shaken.registers[0x1B] & 0x80)
-            seen, before = seen + (pushed and not before), pushed
-            if pushed and seen <= times:
-                words = words.copy()
-                words[::20, 5] += 4000
-            return words
-
-        shaken.spoil_words = spoil
-        return shaken
-
-    return make
-
-
-def test_a_disturbed_self_test_is_measured_again_and_said_to_be() -> None:
-    done = checked(shaken_while_pushed(1))
-    assert done.bad == []
-    assert done["self-test"].found.endswith("measured 2 times, since it was disturbed")
-
-
-def test_a_board_that_moves_in_its_self_test_is_not_called_bad() -> None:
-    done = checked(shaken_while_pushed(1e9))
-    assert (done.bad, done["self-test"].found) == ([], "could not be done")
-    assert done["self-test"].advice.startswith("the board moved")
-
-
-def test_a_host_too_slow_for_the_self_test_does_not_blame_the_board() -> None:
-    def slow(bus: FakeBus) -> None:
-        transfer = bus._transfer
-
-        def late(messages: Any) -> Any:
-            bus.clock.sleep_until_ns(bus.clock.now_ns() + 90_000_000)
-            return transfer(messages)
-
-        bus._transfer = late  # type: ignore[method-assign]
-
-    done = checked(prepare=slow)
-    assert done["self-test"].found == "could not be done"
-    assert done["registers"].figures["writes"] < 20
-    assert done.error is None
-
-
-def test_a_board_that_moves_is_not_put_to_its_self_test() -> None:
-    assert "self-test" not in checked(chip(motion=Sway())).names
