@@ -2,45 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from quavelet.attitude import kernel
 from quavelet.attitude.doubt import Residual
-from quavelet.core.blocks import Flag, ImuBlock, array_fields
 
 G = 9.80665
 RESIDUAL = Residual(tilt_rad=0.001, gyro_bias_rad_s=np.radians(0.01), gyro_bias_rad_s_degc=0.0, gyro_scale=0.0)
-
-
-def block(rates, forces, *, period_s: float = 0.01, flags: int = 0, still: bool = False) -> ImuBlock:
-    rates, forces = np.asarray(rates, dtype=float), np.asarray(forces, dtype=float)
-    n = len(rates)
-    return ImuBlock(
-        t_ns=np.round(np.arange(1, n + 1) * period_s * 1e9).astype(np.int64),
-        period_s=np.full(n, period_s),
-        gap_ns=np.zeros(n, dtype=np.int64),
-        flags=np.full(n, flags, dtype=np.uint32),
-        gyro_rad_s=rates,
-        accel_m_s2=forces,
-        temp_degc=np.full(n, 25.0),
-        gyro_bias_rad_s=np.zeros((n, 3)),
-        still=np.full(n, still),
-    )
-
-
-def level(n: int) -> np.ndarray:
-    return np.tile([0.0, 0.0, G], (n, 1))
-
-
-def with_gap(data: ImuBlock, start: int, end: int) -> ImuBlock:
-    """The block without rows start to end, flagged and measured as the decoder does it."""
-    keep = list(range(start)) + list(range(end, len(data)))
-    cut = replace(data[keep], **{name: getattr(data, name)[keep].copy() for name in array_fields(type(data))})
-    cut.gap_ns[start] = round((end - start) * data.period_s[0] * 1e9)
-    cut.flags[start] |= Flag.GAP
-    return cut
 
 
 def swaying(seed: int, n: int, *, period_s: float = 0.01, bias=(0.0, 0.0, 0.0), hand_m_s: float = 0.0):

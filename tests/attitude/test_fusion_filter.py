@@ -6,9 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from fusion_blocks import RESIDUAL, G, block, level, swaying, with_gap
+from fusion_blocks import RESIDUAL, G, swaying
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from imu_blocks import imu_block, level, with_gap
 
 from quavelet.attitude.doubt import YAW_MAX_RAD
 from quavelet.attitude.fusion import FusionFilter
@@ -44,7 +45,7 @@ def tilt_deg(out, truth) -> np.ndarray:
 
 @every
 def test_a_whole_turn_comes_out_whole(make):
-    out = make().process(block(np.tile([0.0, 0.0, np.radians(30.0)], (1200, 1)), level(1200)))
+    out = make().process(imu_block(np.tile([0.0, 0.0, np.radians(30.0)], (1200, 1)), level(1200)))
     # The first sample has nothing before it to turn from; the literal form's Euler step is its own.
     assert np.degrees(np.unwrap(to_euler(out.q)[:, 2]))[-1] == pytest.approx(30.0 * 11.99, abs=1e-2)
 
@@ -53,7 +54,9 @@ def test_a_whole_turn_comes_out_whole(make):
 def test_gravity_never_steers_heading(make):
     """A board pushed sideways for a minute: what the tilt is pulled by must not turn yaw about the vertical."""
     rng = np.random.default_rng(1)
-    out = make().process(block(np.zeros((3000, 3)), level(3000) + rng.normal(0.0, 1.0, (3000, 3)) + [1.0, 0.7, 0.0]))
+    out = make().process(
+        imu_block(np.zeros((3000, 3)), level(3000) + rng.normal(0.0, 1.0, (3000, 3)) + [1.0, 0.7, 0.0])
+    )
     moved = np.cumsum((out.gyro_rad_s * [0.0, 0.0, 1.0]).sum(axis=1)) * 0.01
     assert np.abs(to_euler(out.q)[:, 2]).max() < np.abs(moved).max() + 0.02
 
@@ -64,7 +67,7 @@ def test_a_swaying_board_is_followed_and_its_bias_learned_at_any_rate(make, peri
     """No default rate hides anywhere: densities make the gains fit the period."""
     bias = (0.6, -0.4, 0.3)
     rates, forces, truth = swaying(2, round(40 / period_s), period_s=period_s, bias=bias)
-    out = make().process(block(rates, forces, period_s=period_s, flags=Flag.BIAS_UNKNOWN))
+    out = make().process(imu_block(rates, forces, period_s=period_s, flags=Flag.BIAS_UNKNOWN))
     late = slice(len(truth) // 2, None)
     assert tilt_deg(out, truth)[late].max() < 0.5
     assert np.allclose(np.degrees(out.gyro_bias_rad_s[-1]), bias, atol=0.15)
@@ -73,7 +76,7 @@ def test_a_swaying_board_is_followed_and_its_bias_learned_at_any_rate(make, peri
 
 def test_a_hand_that_pushes_the_board_about_tilts_it_less_than_it_tilts_the_pid():
     rates, forces, truth = swaying(3, 6000, hand_m_s=0.3)
-    data = block(rates, forces)
+    data = imu_block(rates, forces)
     by_name = {name: tilt_deg(make().process(data), truth)[1000:] for name, make in STABLE.items()}
     pid = tilt_deg(PidFilter(PidParams(), residual=RESIDUAL).process(data), truth)[1000:]
     assert by_name["velocity"].std() < pid.std() / 2
@@ -85,7 +88,7 @@ def test_a_hand_that_pushes_the_board_about_tilts_it_less_than_it_tilts_the_pid(
 @settings(max_examples=15, deadline=None)
 def test_a_start_while_moving_finds_the_tilt_whatever_the_bias(make, bias):
     """The data sheet's whole range of zero-rate output, on axes that gravity sees."""
-    out = make().process(block(np.tile([*np.radians(bias), 0.0], (1000, 1)), level(1000), flags=Flag.BIAS_UNKNOWN))
+    out = make().process(imu_block(np.tile([*np.radians(bias), 0.0], (1000, 1)), level(1000), flags=Flag.BIAS_UNKNOWN))
     tilt = tilt_deg(out, [1.0, 0.0, 0.0, 0.0])
     trusted = (out.flags & Flag.SETTLING) == 0
     assert trusted[-1]
@@ -97,7 +100,7 @@ def test_a_board_that_lies_still_with_an_unknown_bias_does_not_turn():
     rng = np.random.default_rng(3)
     forces = rng.normal([0.0, 0.17 * G, 0.985 * G], 0.003 * G, (200, 3))
     rates = np.tile(np.radians([15.0, -8.0, 20.0]), (200, 1))
-    out = fusion().process(block(rates, forces, flags=Flag.BIAS_UNKNOWN, still=True))
+    out = fusion().process(imu_block(rates, forces, flags=Flag.BIAS_UNKNOWN, still=True))
     mean = forces.mean(axis=0)
     assert np.degrees(to_euler(out.q[-1]))[0] == pytest.approx(np.degrees(np.arctan2(mean[1], mean[2])), abs=0.02)
     assert np.abs(to_euler(out.q)[:, 2]).max() < 1e-9
@@ -107,7 +110,7 @@ def test_a_board_that_lies_still_with_an_unknown_bias_does_not_turn():
 def test_a_bias_that_becomes_known_replaces_what_was_learned_and_yaw_counts_from_there():
     n = 1000
     rates = np.tile(np.radians([3.0, -2.0, 1.0]), (n, 1))
-    data = block(rates, level(n), flags=Flag.BIAS_UNKNOWN)
+    data = imu_block(rates, level(n), flags=Flag.BIAS_UNKNOWN)
     data.flags[600:] = 0
     data.gyro_bias_rad_s[600:] = rates[0]
     data.gyro_rad_s[600:] = 0.0
@@ -120,7 +123,7 @@ def test_a_bias_that_becomes_known_replaces_what_was_learned_and_yaw_counts_from
 @stable
 def test_a_bias_followed_further_at_rest_leaves_the_sum_where_it_was(make):
     """The stage before takes 0.02 deg/s more off from row 300 on: the filter's own share becomes that much less."""
-    data = block(np.zeros((600, 3)), level(600))
+    data = imu_block(np.zeros((600, 3)), level(600))
     data.gyro_bias_rad_s[300:] += np.radians(0.02)
     data.gyro_rad_s[300:] -= np.radians(0.02)
     out = make().process(data)
@@ -130,7 +133,7 @@ def test_a_bias_followed_further_at_rest_leaves_the_sum_where_it_was(make):
 @every
 def test_a_gap_is_bridged_at_the_rate_before_and_after_it(make):
     rates, forces = np.tile([0.0, 0.0, np.radians(30.0)], (1200, 1)), level(1200)
-    out = make().process(with_gap(block(rates, forces), 400, 420))
+    out = make().process(with_gap(imu_block(rates, forces), 400, 420))
     assert np.degrees(np.unwrap(to_euler(out.q)[:, 2]))[-1] == pytest.approx(30.0 * 11.99, abs=1e-2)
     assert not (out.flags[1000:] & Flag.SETTLING).any()
 
@@ -140,7 +143,7 @@ def test_after_a_long_gap_the_tilt_is_the_accelerometers_and_is_doubted_until_it
     n = 3000
     forces = level(n)
     forces[1000:] = G * np.array([0.0, np.sin(0.5), np.cos(0.5)])  # turned by 29 deg while nobody looked
-    out = make().process(with_gap(block(np.zeros((n, 3)), forces), 700, 1000))
+    out = make().process(with_gap(imu_block(np.zeros((n, 3)), forces), 700, 1000))
     assert out.sigma_rad[700, 0] > np.radians(1.0)
     assert np.abs(np.degrees(to_euler(out.q)[700:, 0] - 0.5)).max() < 0.5
     assert not out.flags[-1] & Flag.SETTLING
@@ -151,7 +154,7 @@ def test_a_gap_with_a_change_of_rate_makes_yaw_less_sure_for_good_and_tilt_for_a
     n = 2000
     rates, forces = np.zeros((n, 3)), level(n)
     rates[:500, 2] = np.radians(60.0)
-    whole = block(rates, forces)
+    whole = imu_block(rates, forces)
     smooth, out = make().process(whole), make().process(with_gap(whole, 480, 500))
     assert out.sigma_rad[480, 0] > 3 * smooth.sigma_rad[479, 0]
     assert out.sigma_rad[-1, 2] > smooth.sigma_rad[-1, 2] + np.radians(2.0)
@@ -161,7 +164,7 @@ def test_a_gap_with_a_change_of_rate_makes_yaw_less_sure_for_good_and_tilt_for_a
 @every
 def test_while_the_chip_is_stuck_the_attitude_stands_and_is_not_trusted(make):
     rates, forces, _ = swaying(5, 1000)
-    data = block(rates, forces)
+    data = imu_block(rates, forces)
     data.flags[400:600] |= np.uint32(Flag.STUCK)
     out = make().process(data)
     assert (out.q[400:600] == out.q[399]).all()
@@ -174,8 +177,8 @@ def test_a_clipped_blow_says_less_than_a_whole_one():
     forces = level(2000) + rng.normal(0.0, 0.03, (2000, 3))
     forces[1000:1004, 0] += 30.0
     forces[1004:1014, 0] -= 24.0  # the other half of the blow, of which twice as much was cut off
-    unmarked = block(np.zeros((2000, 3)), forces)
-    marked = block(np.zeros((2000, 3)), forces)
+    unmarked = imu_block(np.zeros((2000, 3)), forces)
+    marked = imu_block(np.zeros((2000, 3)), forces)
     marked.flags[1000:1014] |= np.uint32(Flag.ACCEL_CLIPPED)
     level_q = [1.0, 0.0, 0.0, 0.0]
     assert tilt_deg(fusion().process(marked), level_q).max() < 0.6 * tilt_deg(fusion().process(unmarked), level_q).max()
@@ -186,7 +189,7 @@ def test_a_clipped_blow_says_less_than_a_whole_one():
 @stable
 def test_free_fall_leaves_the_attitude_to_the_rate(make):
     rates = np.tile([0.0, np.radians(10.0), 0.0], (60, 1))
-    out = make().process(block(rates, np.vstack([level(1), np.zeros((59, 3))])))
+    out = make().process(imu_block(rates, np.vstack([level(1), np.zeros((59, 3))])))
     assert np.degrees(to_euler(out.q[-1]))[1] == pytest.approx(5.9, abs=1e-6)
 
 
@@ -197,7 +200,7 @@ def test_a_board_turned_while_the_gyroscope_saw_nothing_is_found_again(make, tur
     angle = np.radians(turn_deg)
     forces = level(6000)
     forces[1000:] = G * np.array([0.0, np.sin(angle), np.cos(angle)])
-    out = make().process(block(np.zeros((6000, 3)), forces + np.random.default_rng(0).normal(0.0, 0.03, (6000, 3))))
+    out = make().process(imu_block(np.zeros((6000, 3)), forces + np.random.default_rng(0).normal(0.0, 0.03, (6000, 3))))
     error = tilt_deg(out, [np.cos(angle / 2), np.sin(angle / 2), 0.0, 0.0])
     doubted = (out.flags & Flag.SETTLING) != 0
     wrong = np.flatnonzero(error > 20.0)
@@ -211,7 +214,7 @@ def test_the_tilt_error_is_within_the_sigma_that_is_said_about_the_right_share_o
     inside, total = 0, 0
     for seed in range(6):
         rates, forces, truth = swaying(seed, 3000, hand_m_s=0.1 * (seed % 3))
-        out = make().process(block(rates, forces))
+        out = make().process(imu_block(rates, forces))
         error = tilt_deg(out, truth)[500:]
         sigma = np.degrees(np.hypot(out.sigma_rad[500:, 0], out.sigma_rad[500:, 1]))
         inside += (error < sigma).sum()
@@ -224,8 +227,8 @@ def test_the_tilt_error_is_within_the_sigma_that_is_said_about_the_right_share_o
 
 def test_with_the_temperature_the_bias_and_yaw_are_doubted():
     n = 6000
-    data = block(np.zeros((n, 3)), level(n))
-    warm = block(np.zeros((n, 3)), level(n))
+    data = imu_block(np.zeros((n, 3)), level(n))
+    warm = imu_block(np.zeros((n, 3)), level(n))
     warm.temp_degc[:] += np.linspace(0.0, 5.0, n)
     residual = replace(RESIDUAL, gyro_bias_rad_s_degc=np.radians(0.19))
     yaws = [
@@ -242,7 +245,7 @@ def test_the_literal_form_says_that_it_is_lost_when_it_is(forgetting):
     t = np.arange(n) * 0.01
     forces = level(n) + 0.05 * G * np.column_stack([np.sin(3.1 * t), np.cos(3.1 * t), 0 * t])
     params = LiteralParams(forgetting=forgetting)
-    out = LiteralFusionFilter(params, residual=PLAIN).process(block(np.zeros((n, 3)), forces))
+    out = LiteralFusionFilter(params, residual=PLAIN).process(imu_block(np.zeros((n, 3)), forces))
     error = tilt_deg(out, [1.0, 0.0, 0.0, 0.0])
     doubted = (out.flags & Flag.SETTLING) != 0
     assert np.isfinite(out.q).all()
@@ -257,7 +260,7 @@ def test_the_literal_form_says_that_it_is_lost_when_it_is(forgetting):
 @settings(max_examples=20, deadline=None)
 def test_the_quaternion_is_of_unit_length_and_one_sign(make, seed):
     rng = np.random.default_rng(seed)
-    out = make().process(block(rng.normal(0.0, 3.0, (200, 3)), rng.normal(0.0, 8.0, (200, 3))))
+    out = make().process(imu_block(rng.normal(0.0, 3.0, (200, 3)), rng.normal(0.0, 8.0, (200, 3))))
     assert np.allclose(np.linalg.norm(out.q, axis=1), 1.0, atol=1e-12)
     assert (out.q[:, 0] >= 0.0).all()
     assert np.isfinite(out.sigma_rad).all()
@@ -280,7 +283,7 @@ def test_a_value_that_is_no_number_is_refused_before_it_is_remembered(make):
     rates = np.zeros((20, 3))
     rates[7, 1] = np.nan
     with pytest.raises(ValueError, match="row 7"):
-        make().process(block(rates, level(20)))
+        make().process(imu_block(rates, level(20)))
 
 
 @pytest.mark.parametrize(("kind", "kept"), [("fusion", FusionFilter), ("fusion-literal", LiteralFusionFilter)])

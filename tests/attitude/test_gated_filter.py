@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from imu_blocks import imu_block
 
 from quavelet.attitude.doubt import YAW_MAX_RAD, Residual
 from quavelet.attitude.params import FilterParams
@@ -21,21 +22,6 @@ DATA_SHEET, REAL = (0.0354, 2.83), (0.13, 5.0)
 KINDS = ["gated", "velocity", "pid", "p", "gyro", "accelerometer"]
 
 
-def block(rates, forces) -> ImuBlock:
-    n = len(rates)
-    return ImuBlock(
-        t_ns=np.round(np.arange(1, n + 1) / FS * 1e9).astype(np.int64),
-        period_s=np.full(n, 1.0 / FS),
-        gap_ns=np.zeros(n, dtype=np.int64),
-        flags=np.zeros(n, dtype=np.uint32),
-        gyro_rad_s=rates,
-        accel_m_s2=forces,
-        temp_degc=np.full(n, 25.0),
-        gyro_bias_rad_s=np.zeros((n, 3)),
-        still=np.zeros(n, dtype=np.bool_),
-    )
-
-
 def noisy(rates_deg_s, *, noise, axis=2, forces=None, seed=1) -> ImuBlock:
     """A board that turns about one of its axes from level, with a little bias left."""
     rng, n = np.random.default_rng(seed), len(rates_deg_s)
@@ -47,7 +33,7 @@ def noisy(rates_deg_s, *, noise, axis=2, forces=None, seed=1) -> ImuBlock:
         up[:, 1], up[:, 2] = np.sin(angle), np.cos(angle)
     rates += np.radians(rng.normal([0.01, -0.008, 0.01], noise[0], (n, 3)))
     forces = G * (up + rng.normal(0.0, noise[1] * 1e-3, (n, 3))) + (0.0 if forces is None else forces)
-    return block(rates, forces)
+    return imu_block(rates, forces)
 
 
 def still_then(rate_deg_s: float, turn_deg: float) -> np.ndarray:
@@ -181,7 +167,7 @@ def test_a_row_that_is_no_number_is_refused_and_the_filter_goes_on_without_it(ki
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("n", [0, 1, 2, 700])
 def test_few_samples_and_samples_that_are_all_the_same_give_a_finite_attitude(kind, n):
-    out = gated(block(np.zeros((n, 3)), np.tile([0.0, 0.0, G], (n, 1))), kind=kind)
+    out = gated(imu_block(np.zeros((n, 3)), np.tile([0.0, 0.0, G], (n, 1))), kind=kind)
     for name in array_fields(AttitudeBlock):
         assert np.isfinite(getattr(out, name)).all(), name
     assert len(out) == n

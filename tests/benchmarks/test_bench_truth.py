@@ -11,11 +11,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from imu_blocks import imu_block
 
 from quavelet.attitude.doubt import Residual
 from quavelet.attitude.params import FilterParams
 from quavelet.calibration.still_bias import StillBias
-from quavelet.core.blocks import Flag, ImuBlock
+from quavelet.core.blocks import Flag
 from quavelet.core.quaternion import inclination_between, normalise
 
 try:
@@ -42,18 +43,7 @@ Found = Callable[[np.ndarray, np.ndarray, float], np.ndarray]
 
 def ours(params: FilterParams, *, start: bool) -> Found:
     def run(gyro: np.ndarray, accel: np.ndarray, fs: float) -> np.ndarray:
-        n = len(gyro)
-        block = ImuBlock(
-            t_ns=np.round(np.arange(1, n + 1) / fs * 1e9).astype(np.int64),
-            period_s=np.full(n, 1 / fs),
-            gap_ns=np.zeros(n, dtype=np.int64),
-            flags=np.full(n, int(Flag.BIAS_UNKNOWN) if start else 0, dtype=np.uint32),
-            gyro_rad_s=gyro,
-            accel_m_s2=accel,
-            temp_degc=np.full(n, 25.0),
-            gyro_bias_rad_s=np.zeros((n, 3)),
-            still=np.zeros(n, dtype=np.bool_),
-        )
+        block = imu_block(gyro, accel, period_s=1 / fs, flags=int(Flag.BIAS_UNKNOWN) if start else 0)
         return params.build(residual=RESIDUAL).process(StillBias().process(block)).q
 
     return run

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from imu_blocks import imu_block
 
 from quavelet.calibration.accelerometer import fit_accelerometer
 from quavelet.calibration.poses import apart, in_g, still_poses
@@ -13,18 +14,7 @@ from quavelet.core.errors import CalibrationError
 
 def recorded(path) -> ImuBlock:
     data = np.load(path)
-    n, period_s = len(data["acc_m_s2"]), 1.0 / float(data["rate"])
-    return ImuBlock(
-        t_ns=np.round(np.arange(1, n + 1) * period_s * 1e9).astype(np.int64),
-        period_s=np.full(n, period_s),
-        gap_ns=np.zeros(n, dtype=np.int64),
-        flags=np.zeros(n, dtype=np.uint32),
-        gyro_rad_s=data["gyro_rad_s"].astype(float),
-        accel_m_s2=data["acc_m_s2"].astype(float),
-        temp_degc=np.full(n, 25.0),
-        gyro_bias_rad_s=np.zeros((n, 3)),
-        still=np.zeros(n, dtype=np.bool_),
-    )
+    return imu_block(data["gyro_rad_s"], data["acc_m_s2"], period_s=1.0 / float(data["rate"]))
 
 
 def norm_rms(forces_g) -> float:

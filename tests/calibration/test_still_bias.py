@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
+from imu_blocks import imu_block
 
 from quavelet.calibration.still_bias import StillBias
 from quavelet.core.blocks import Flag, ImuBlock
@@ -20,18 +21,9 @@ def board(rates_dps, forces_g, *, seed: int = 1, period_s: float = 0.01) -> ImuB
     """Samples with real noise on these rates and forces, bias unknown."""
     rng = np.random.default_rng(seed)
     rates, forces = np.radians(np.asarray(rates_dps, dtype=float)), G * np.asarray(forces_g, dtype=float)
-    n = len(rates)
-    return ImuBlock(
-        t_ns=np.round(np.arange(1, n + 1) * period_s * 1e9).astype(np.int64),
-        period_s=np.full(n, period_s),
-        gap_ns=np.zeros(n, dtype=np.int64),
-        flags=np.full(n, int(Flag.BIAS_UNKNOWN), dtype=np.uint32),
-        gyro_rad_s=rates + rng.normal(0.0, GYRO_SD_RAD_S, (n, 3)),
-        accel_m_s2=forces + rng.normal(0.0, ACCEL_SD_M_S2, (n, 3)),
-        temp_degc=np.full(n, 25.0),
-        gyro_bias_rad_s=np.zeros((n, 3)),
-        still=np.zeros(n, dtype=np.bool_),
-    )
+    noisy_rates = rates + rng.normal(0.0, GYRO_SD_RAD_S, rates.shape)
+    noisy_forces = forces + rng.normal(0.0, ACCEL_SD_M_S2, forces.shape)
+    return imu_block(noisy_rates, noisy_forces, period_s=period_s, flags=int(Flag.BIAS_UNKNOWN))
 
 
 def flat(n: int, value) -> np.ndarray:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from imu_blocks import imu_block
 from session import Session, run_session
 
 from hw_fakes import open_fake
@@ -15,7 +16,7 @@ from quavelet.core.blocks import Flag, ImuBlock
 from quavelet.core.clock import VirtualClock
 from quavelet.core.euler import to_euler
 from quavelet.core.quaternion import conjugate, rotate
-from quavelet.core.units import NS_PER_S, STANDARD_GRAVITY_M_S2
+from quavelet.core.units import STANDARD_GRAVITY_M_S2
 from quavelet.mpu6050.config import ChipConfig
 from quavelet.settings import FilterParams, Settings, StartSettings
 
@@ -166,16 +167,5 @@ def test_a_shaft_turned_for_25_minutes_follows_its_encoder(capsys):
 
 def bias_free_block(gyro_dps: np.ndarray, accel_g: np.ndarray, t_s: np.ndarray) -> ImuBlock:
     """A block of a chip whose bias was already removed when it was recorded."""
-    n = len(t_s)
-    period_s = float(t_s[-1] - t_s[0]) / (n - 1)
-    return ImuBlock(
-        t_ns=np.round(np.arange(1, n + 1) * period_s * NS_PER_S).astype(np.int64),
-        period_s=np.full(n, period_s),
-        gap_ns=np.zeros(n, dtype=np.int64),
-        flags=np.zeros(n, dtype=np.uint32),
-        gyro_rad_s=np.radians(gyro_dps),
-        accel_m_s2=accel_g * STANDARD_GRAVITY_M_S2,
-        temp_degc=np.full(n, 25.0),
-        gyro_bias_rad_s=np.zeros((n, 3)),
-        still=np.zeros(n, dtype=np.bool_),
-    )
+    period_s = float(t_s[-1] - t_s[0]) / (len(t_s) - 1)
+    return imu_block(np.radians(gyro_dps), accel_g * STANDARD_GRAVITY_M_S2, period_s=period_s)
