@@ -98,7 +98,7 @@ def test_a_page_that_cannot_be_written_is_one_sentence(recording):
 
 
 def test_without_matplotlib_it_says_what_to_install(recording, monkeypatch):
-    monkeypatch.delitem(sys.modules, "quavelet.study.plot", raising=False)
+    monkeypatch.delitem(sys.modules, "quavelet.drawing.plot", raising=False)
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     done = report(recording)
     assert "pip install 'quavelet[report]'" in str(done.exception)

@@ -81,7 +81,7 @@ def test_out_gets_the_page_and_each_figure_twice(tmp_path):
 
 @pytest.mark.usefixtures("fakes")
 def test_without_matplotlib_the_tables_are_printed_and_only_out_is_refused(monkeypatch, tmp_path):
-    monkeypatch.delitem(sys.modules, "quavelet.study.plot", raising=False)
+    monkeypatch.delitem(sys.modules, "quavelet.drawing.plot", raising=False)
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     assert "0.601 deg" in reproduce("000").stdout
     done = reproduce("000", "--out", tmp_path)

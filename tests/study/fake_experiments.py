@@ -8,7 +8,8 @@ import time
 
 import numpy as np
 
-from quavelet.study.experiment import Chart, Curve, Effort, Experiment, Progress, Result, Row, Verdict
+from quavelet.drawing.chart import Chart, Curve
+from quavelet.study.experiment import Effort, Experiment, Progress, Result, Row, Verdict
 
 CHART = Chart(
     "000-walk",

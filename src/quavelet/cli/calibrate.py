@@ -15,6 +15,7 @@ from quavelet.bench.session import STEPS, USUAL, Session, with_check
 from quavelet.bench.session_conduct import conduct
 from quavelet.bench.session_evidence import Chip, Evidence
 from quavelet.bench.session_recorded import evidence_of
+from quavelet.bench.session_report import write_report
 from quavelet.bench.session_result import Result, work_out
 from quavelet.bench.session_store import SessionStore
 from quavelet.bench.session_verdict import verdict
@@ -24,12 +25,12 @@ from quavelet.calibration.record import CalibrationRecord, ChipIdentity, Offsets
 from quavelet.calibration.record_file import check_writable, default_path, from_toml, load_record, save_record
 from quavelet.cli import exits, options
 from quavelet.cli.calibrate_operator import operator_for
-from quavelet.cli.calibrate_report import write_report
 from quavelet.cli.doctor import show_lines
 from quavelet.cli.run import stopped_by_signals, talk
 from quavelet.core.clock import Clock, MonotonicClock, VirtualClock
 from quavelet.core.errors import CalibrationError, ImuError, SettingsError
 from quavelet.core.health import Health
+from quavelet.drawing.page import check_drawing
 from quavelet.mpu6050.access import RegisterAccess
 from quavelet.mpu6050.fingerprint import fingerprint_of
 from quavelet.mpu6050.magnetometer.asked import MagnetometerParams
@@ -39,7 +40,6 @@ from quavelet.mpu6050.stream import StreamInfo
 from quavelet.recording.reader import RecordingReader
 from quavelet.recording.replay import ReplaySource
 from quavelet.settings import Settings
-from quavelet.study.page import check_drawing
 
 ALL = "all"
 USUAL_STEPS = ",".join(USUAL)

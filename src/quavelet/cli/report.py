@@ -20,8 +20,8 @@ from quavelet.cli import exits, options
 from quavelet.cli.run import talk
 from quavelet.cli.tables import console_for, table_of
 from quavelet.core.errors import RecordingError
+from quavelet.drawing.page import Table, check_drawing, html_page, write
 from quavelet.settings import Settings
-from quavelet.study.page import Table, check_drawing, html_page, write
 from quavelet.study.recorded import load_recorded
 from quavelet.study.recording_report import AxisNoise, Report, figures, method_table, noise_table, section, work_through
 

@@ -19,9 +19,9 @@ from rich.text import Text
 from quavelet.cli import exits
 from quavelet.cli.run import talk
 from quavelet.cli.tables import console_for, table_of
+from quavelet.drawing.page import check_drawing, html_page, write, write_pictures
 from quavelet.study import papers, reproduction
 from quavelet.study.experiment import Effort, Experiment, Result, Row
-from quavelet.study.page import check_drawing, html_page, write, write_pictures
 from quavelet.study.running import Step, run_all
 
 Papers = Annotated[list[str] | None, typer.Argument(metavar="000|001|002|003|004|all", help="Which papers [all].")]

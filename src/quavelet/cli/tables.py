@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from quavelet.study.page import Cell
+from quavelet.drawing.page import Cell
 
 _STYLES = {"": "", "good": "green", "bad": "bold red", "doubt": "yellow", "against": "red"}
 _PIPE_WIDTH = 10_000

@@ -14,7 +14,8 @@ from quavelet.core.euler import from_euler, to_euler
 from quavelet.core.quaternion import angle_between, from_matrix, to_matrix
 from quavelet.core.units import DEG_PER_RAD, RAD_PER_DEG
 from quavelet.denoise.offline import Reading, paper_000
-from quavelet.study.experiment import Chart, Curve, Effort, Experiment, Progress, Result, Row, Verdict
+from quavelet.drawing.chart import Chart, Curve
+from quavelet.study.experiment import Effort, Experiment, Progress, Result, Row, Verdict
 from quavelet.study.paper000_runs import (
     ACCELEROMETER,
     GATED,

@@ -11,7 +11,8 @@ from quavelet.core.blocks import FloatArray
 from quavelet.denoise.offline import PAPER_001_ACCEL, PAPER_001_MAG, Recipe
 from quavelet.denoise.shrink import Shrink
 from quavelet.denoise.thresholds import Rule
-from quavelet.study.experiment import Chart, Curve, Effort, Experiment, Progress, Result, Row, Verdict
+from quavelet.drawing.chart import Chart, Curve
+from quavelet.study.experiment import Effort, Experiment, Progress, Result, Row, Verdict
 from quavelet.study.paper001_checks import budget, functions, printed_matrix, triad_row
 from quavelet.study.paper001_simulation import (
     AXES,

@@ -10,7 +10,8 @@ from quavelet.alignment.cone import axis_of_cone, axis_of_three, fit_cone, force
 from quavelet.alignment.result import EARTH_RATE_RAD_S
 from quavelet.core.blocks import FloatArray
 from quavelet.denoise.offline import Recipe
-from quavelet.study.experiment import Chart, Curve, Progress, Row, Verdict
+from quavelet.drawing.chart import Chart, Curve
+from quavelet.study.experiment import Progress, Row, Verdict
 from quavelet.study.paper002_simulation import (
     AXES,
     BOARD,

@@ -10,7 +10,8 @@ import numpy as np
 from quavelet.attitude.fusion_root import measure, potter
 from quavelet.core.blocks import FloatArray
 from quavelet.denoise.smoother import LineSmoother
-from quavelet.study.experiment import Chart, Curve, Effort, Experiment, Progress, Result, Row, Verdict
+from quavelet.drawing.chart import Chart, Curve
+from quavelet.study.experiment import Effort, Experiment, Progress, Result, Row, Verdict
 from quavelet.study.paper003_simulation import (
     RATE_HZ,
     SCORED_FROM_S,

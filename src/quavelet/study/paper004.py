@@ -15,7 +15,8 @@ from quavelet.core.quaternion import from_matrix, to_matrix
 from quavelet.core.units import DEG_PER_RAD
 from quavelet.denoise.median import median_filter
 from quavelet.denoise.offline import PAPER_004, paper_004
-from quavelet.study.experiment import Chart, Curve, Effort, Experiment, Progress, Result, Row, Verdict
+from quavelet.drawing.chart import Chart, Curve
+from quavelet.study.experiment import Effort, Experiment, Progress, Result, Row, Verdict
 from quavelet.study.paper004_simulation import (
     AZIMUTH_DEG,
     DEG_H,

@@ -13,11 +13,11 @@ from quavelet.calibration.calibrate import Calibrate
 from quavelet.calibration.model import UNCALIBRATED
 from quavelet.core.blocks import AttitudeBlock, Flag, FloatArray, ImuBlock, concat
 from quavelet.core.units import DEG_PER_RAD, NS_PER_S
+from quavelet.drawing.chart import Chart, Curve
+from quavelet.drawing.page import Cell, Mark, Section, Table, significant
 from quavelet.pipeline import build_pipeline
 from quavelet.settings import Settings
-from quavelet.study.experiment import Chart, Curve
 from quavelet.study.methods import DEFAULT, Method, methods
-from quavelet.study.page import Cell, Mark, Section, Table, significant
 from quavelet.study.recorded import Recorded, Truth
 from quavelet.study.scores import Score, drawn_deg, errors_over_time, score, settled_from, still_rows
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from math import isinf, isnan
 
+from quavelet.drawing.page import Cell, Mark, Section, Table, significant
 from quavelet.study.experiment import Experiment, Result, Row, Verdict
-from quavelet.study.page import Cell, Mark, Section, Table, significant
 
 PRINTED_HEAD = ("id", "what", "printed", "got", "band", "verdict", "why")
 ACCEPTANCE_HEAD = ("id", "what", "got", "band", "passed", "why")

@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 
 from quavelet.core.errors import ImuError, SettingsError
-from quavelet.study.experiment import Chart
+from quavelet.drawing.chart import Chart
 
 Mark = Literal["", "good", "bad", "doubt", "against"]
 
@@ -127,7 +127,7 @@ def html_page(title: str, words: Sequence[str], sections: Sequence[Section], *, 
 def write_pictures(charts: Sequence[Chart], folder: Path) -> None:
     """Each chart as NAME.svg and NAME.png. Raises PageError or SettingsError."""
     check_drawing()
-    from quavelet.study import plot
+    from quavelet.drawing import plot
 
     colours = plot.colours_of(charts)
     for chart in charts:
@@ -141,17 +141,17 @@ def write(path: Path, data: bytes) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(data)
     except OSError as error:
-        raise PageError(f"{path} cannot be written ({error.strerror}): give another place by --out") from error
+        raise PageError(f"{path} cannot be written ({error.strerror}): give another place") from error
 
 
 def check_drawing() -> None:
     """Raise SettingsError where matplotlib is not there, before the long work and not after it."""
     try:
-        import quavelet.study.plot  # noqa: F401
+        import quavelet.drawing.plot  # noqa: F401
     except ModuleNotFoundError as error:
         if (error.name or "").partition(".")[0] != "matplotlib":
             raise
-        raise SettingsError("plots need matplotlib: pip install 'quavelet[report]', or leave out --out") from error
+        raise SettingsError("plots need matplotlib: pip install 'quavelet[report]', or ask for no page") from error
 
 
 def _section(section: Section) -> Iterable[str]:
@@ -161,7 +161,7 @@ def _section(section: Section) -> Iterable[str]:
         yield from _table(table)
     if section.charts:
         check_drawing()
-        from quavelet.study import plot
+        from quavelet.drawing import plot
 
         colours = plot.colours_of(section.charts)
         yield '<div class="charts">'

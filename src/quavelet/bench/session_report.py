@@ -1,7 +1,4 @@
-"""The report of a calibration: one page that opens without a network, the verdict first, then a picture of each step.
-
-It stands here, above both, because what was measured is the bench's and the drawing is the study's.
-"""
+"""The page of a calibration: it opens without a network, the verdict first, then a picture of each step."""
 
 from __future__ import annotations
 
@@ -15,8 +12,8 @@ from quavelet.bench.session_verdict import forces_g, rates_dps
 from quavelet.calibration.model import UNCALIBRATED
 from quavelet.core.blocks import FloatArray
 from quavelet.core.units import DEG_PER_RAD, NS_PER_S, STANDARD_GRAVITY_M_S2
-from quavelet.study.experiment import Chart, Curve
-from quavelet.study.page import Cell, Mark, Section, Table, html_page, write
+from quavelet.drawing.chart import Chart, Curve
+from quavelet.drawing.page import Cell, Mark, Section, Table, html_page, write
 
 AXES = "xyz"
 Cloud = tuple[str, FloatArray, FloatArray]

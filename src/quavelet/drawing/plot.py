@@ -22,7 +22,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, StrMethodFormatter
 
 from quavelet.core.blocks import FloatArray
-from quavelet.study.experiment import Chart, Curve
+from quavelet.drawing.chart import Chart, Curve
 
 # Of one lightness, in between: each stands out from white and from near black by more than 3 to 1.
 COLOURS = ("#3b82d0", "#d9701a", "#2c9e5b", "#a066d3", "#d64550", "#1f98a8", "#a0764a", "#c2559b", "#8f8f1a", "#5f66d8")

@@ -6,16 +6,33 @@ import re
 import sys
 from html.parser import HTMLParser
 
-import fake_experiments as fake
 import numpy as np
 import pytest
 
 from quavelet.core.errors import SettingsError
-from quavelet.study import plot, reproduction
-from quavelet.study.experiment import Chart, Curve, Effort, Result, silent
-from quavelet.study.page import Cell, PageError, Section, Table, check_drawing, html_page, write, write_pictures
+from quavelet.drawing import plot
+from quavelet.drawing.chart import Chart, Curve
+from quavelet.drawing.page import Cell, PageError, Section, Table, check_drawing, html_page, write, write_pictures
 
-RESULT = fake.well(Effort.FULL, silent)
+CHART = Chart(
+    "walk",
+    "A walk & <its> error",
+    "time, s",
+    "error, deg",
+    (
+        Curve("method 1", np.arange(4000.0), np.sin(np.arange(4000.0))),
+        Curve("truth", np.arange(2.0), np.zeros(2), dashed=True),
+    ),
+    note="Nothing is to be seen.",
+)
+ROWS = ((Cell("one of <several>"), Cell("0.601 deg", "bad")),)
+SECTION = Section(
+    "Walks",
+    ("What was walked.",),
+    (Table("Open", ("what", "got"), ROWS), Table("Folded", ("what", "got"), ROWS, folded=True, cards=True)),
+    (CHART,),
+    ("A remark.",),
+)
 VOID = {"meta", "br", "link", "img", "input", "hr"}
 
 
@@ -50,23 +67,21 @@ def text_of(page: str) -> str:
     return " ".join(parser.text)
 
 
-def test_the_page_shows_every_row_and_closes_all_it_opens():
-    text = text_of(page_of(reproduction.section(fake.WELL, RESULT), reproduction.summary([(fake.WELL, RESULT)])))
+def test_the_page_closes_all_it_opens():
+    text = text_of(page_of(SECTION, Section("more")))
     for words in (
-        ".0412",
+        "Words.",
+        "one of <several>",
         "0.601 deg",
-        "refuted",
-        "0.146 to 0.178",
-        "An accelerometer has more noise; reading: none",
-        "2 of 2",
+        "A walk & <its> error",
+        "Nothing is to be seen.",
+        "A remark.",
     ):
         assert words in text
-    assert "Eq. 4 lacks a factor 2." in text
-    assert "A walk & <its> error" in text
 
 
 def test_the_page_fetches_nothing_and_runs_nothing():
-    page = page_of(reproduction.section(fake.WELL, RESULT))
+    page = page_of(SECTION)
     assert re.findall(r"\b(?:src|href)=\"(?!#)[^\"]*", page) == []
     assert "<script" not in page
     assert "@import" not in page
@@ -81,17 +96,16 @@ def test_what_a_user_wrote_is_text_and_no_markup():
 
 
 def test_the_same_result_gives_the_same_page_and_pictures(tmp_path):
-    section = reproduction.section(fake.WELL, RESULT)
-    assert page_of(section) == page_of(section)
+    assert page_of(SECTION) == page_of(SECTION)
     for folder in ("a", "b"):
-        write_pictures(RESULT.charts, tmp_path / folder)
-    for name in ("000-walk.svg", "000-walk.png"):
+        write_pictures(SECTION.charts, tmp_path / folder)
+    for name in ("walk.svg", "walk.png"):
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
-    assert (tmp_path / "a" / "000-walk.png").read_bytes().startswith(b"\x89PNG")
+    assert (tmp_path / "a" / "walk.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_letters_have_the_colour_of_the_page_they_stand_in():
-    picture = plot.svg(fake.CHART, plot.colours_of([fake.CHART]))
+    picture = plot.svg(CHART, plot.colours_of([CHART]))
     assert "currentColor" in picture
     assert not re.search(r"fill: #(000000|212529|fff)", picture)
 
@@ -133,7 +147,7 @@ def test_gaps_and_empty_curves_are_drawn_without_complaint(kind):
 
 
 def test_without_matplotlib_the_sentence_says_what_to_install(monkeypatch):
-    monkeypatch.delitem(sys.modules, "quavelet.study.plot")
+    monkeypatch.delitem(sys.modules, "quavelet.drawing.plot")
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     with pytest.raises(SettingsError, match=r"pip install 'quavelet\[report\]'"):
         check_drawing()
@@ -141,10 +155,5 @@ def test_without_matplotlib_the_sentence_says_what_to_install(monkeypatch):
 
 def test_a_page_that_cannot_be_written_is_one_sentence(tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(PageError, match=r"cannot be written .*--out"):
+    with pytest.raises(PageError, match=r"cannot be written .*another place"):
         write(tmp_path / "file" / "index.html", b"")
-
-
-def test_the_summary_counts_and_names_what_is_outside():
-    text = text_of(page_of(reproduction.summary([(fake.OUTSIDE, Result((fake.GOOD, fake.BAD)))])))
-    assert "1 of 2; not: 0b" in text
