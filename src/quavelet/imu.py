@@ -25,6 +25,7 @@ from quavelet.mpu6050.fingerprint import fingerprint_of
 from quavelet.mpu6050.offset_plan import OffsetPlan
 from quavelet.mpu6050.source import ChipSource
 from quavelet.mpu6050.stream import StreamInfo
+from quavelet.mpu6050.variants import Variant
 from quavelet.pipeline import build_pipeline
 from quavelet.settings import Settings, load_settings
 from quavelet.sinks.message import Message, message_of
@@ -60,13 +61,15 @@ class Imu(Closing):
         self._on_note = on_note
         self.calibration: CalibrationRecord | None = None
         self.calibration_file: Path | None = None
+        self.offsets: OffsetPlan | None = settings.offsets.plan()
+        self._found: tuple[CalibrationRecord | None, Path | None, str] = (None, None, "")
         self.pipeline = build_pipeline(settings)
         self.source = ChipSource(
             bus,
             address=settings.bus.address,
             config=settings.chip,
             accept_id=settings.bus.accept_id,
-            offsets=settings.offsets.plan(),
+            find_offsets=self._offsets_for,
             magnetometer=settings.magnetometer,
             clock=clock,
             health=self.health,
@@ -105,41 +108,57 @@ class Imu(Closing):
         return as_toml(self.calibration) if self.calibration else ""
 
     def _begin_stream(self, info: StreamInfo) -> None:
-        self._calibrate(info)
+        self._calibrate()
         if self._on_stream:
             self._on_stream(info)
 
-    def _calibrate(self, info: StreamInfo) -> None:
-        """Take the calibration of this chip. One that was asked for by name and does not fit is an error."""
-        asked, record, note = self.settings.calibration, None, ""
+    def _offsets_for(self, variant: Variant) -> OffsetPlan | None:
+        """Find the calibration of a chip fresh from its reset, and with it what belongs in its offset registers.
+
+        One that was asked for by name and does not fit is an error.
+        """
+        asked, record, note, given = self.settings.calibration, None, "", self.settings.offsets.plan()
+        self.offsets = given
         path = Path(asked.file).expanduser() if asked.file else None
         if path or (asked.automatic and any_records()):
-            chip = self.identity(info)
+            chip = self._identity(variant)
             path = path or find_record(chip)
             try:
-                record = record_for(chip, path, info=info, offsets=self.settings.offsets.plan()) if path else None
+                record = record_for(chip, path, settings=self.settings) if path else None
+                self.offsets = given or (offset_plan(record) if record else None)
             except CalibrationError as error:
                 if asked.file:
                     raise
-                note = f"no calibration is used: {error}"
+                record, note = None, f"no calibration is used: {error}"
         if record is not None:
             note = f"calibration of {record.made.utc} from {path}"
+            note += ", with offsets in the chip" if record.offsets and not given else ""
+        self._found = record, path if record else None, note
+        return self.offsets
+
+    def _calibrate(self) -> None:
+        """Take the calibration that was found."""
+        record, path, note = self._found
         if note:
             (self._on_note or log.info)(note)
         if record != self.calibration:
-            self.calibration, self.calibration_file = record, path if record else None
+            self.calibration, self.calibration_file = record, path
             calibration = record.calibration() if record else UNCALIBRATED
             self.pipeline = build_pipeline(self.settings, calibration=calibration)
 
     def identity(self, info: StreamInfo) -> ChipIdentity:
         """Which chip streams, by its factory's trim; reads some registers of it. Raises BusError."""
-        chip = RegisterAccess(self.bus, address=info.address, clock=self.clock, health=self.health)
+        return self._identity(info.variant, offsets=self.offsets)
+
+    def _identity(self, variant: Variant, *, offsets: OffsetPlan | None = None) -> ChipIdentity:
+        address = self.settings.bus.address
+        chip = RegisterAccess(self.bus, address=address, clock=self.clock, health=self.health)
         return ChipIdentity(
-            who_am_i=info.who_am_i,
-            name=info.variant.name,
-            bus=info.src,
-            address=info.address,
-            fingerprint=fingerprint_of(chip, variant=info.variant, offsets=self.settings.offsets.plan()),
+            who_am_i=variant.who_am_i,
+            name=variant.name,
+            bus=self.bus.name,
+            address=address,
+            fingerprint=fingerprint_of(chip, variant=variant, offsets=offsets),
         )
 
     def __iter__(self) -> Iterator[Message]:
@@ -151,24 +170,40 @@ class Imu(Closing):
             self.line.close()
 
 
-def record_for(chip: ChipIdentity, path: Path, *, info: StreamInfo, offsets: OffsetPlan | None) -> CalibrationRecord:
-    """The calibration in this file. Raises CalibrationError, beginning with the path, where it does not fit."""
-    record = load_record(path)
-    written = (
-        None
-        if offsets is None
-        else OffsetsTable(
-            accel_factory=offsets.accel_factory,
-            gyro_factory=offsets.gyro_factory,
-            accel=offsets.accel,
-            gyro=offsets.gyro,
-        )
-    )
+def record_for(chip: ChipIdentity, path: Path, *, settings: Settings) -> CalibrationRecord:
+    """The calibration in this file. Raises CalibrationError, beginning with the path, where it does not fit.
+
+    A record with offsets brings them along; those of the settings must be the same.
+    """
+    record, given, config = load_record(path), settings.offsets.plan(), settings.chip
     try:
-        record.check_fits(chip, gyro_range_dps=info.gyro_range_dps, accel_range_g=info.accel_range_g, offsets=written)
+        offset_plan(record)
+        record.check_fits(
+            chip,
+            gyro_range_dps=config.gyro_range_dps,
+            accel_range_g=config.accel_range_g,
+            offsets=offsets_table(given) if given else record.offsets,
+        )
     except CalibrationError as error:
         raise CalibrationError(f"{path}: {error}") from error
     return record
+
+
+def offsets_table(plan: OffsetPlan | None) -> OffsetsTable | None:
+    """Offsets as a record keeps them."""
+    if plan is None:
+        return None
+    return OffsetsTable(
+        accel_factory=plan.accel_factory, gyro_factory=plan.gyro_factory, accel=plan.accel, gyro=plan.gyro
+    )
+
+
+def offset_plan(record: CalibrationRecord) -> OffsetPlan | None:
+    """The offsets that a record was made with, None for the factory's. Raises CalibrationError where none can be so."""
+    table = record.offsets
+    if table is None:
+        return None
+    return OffsetPlan(record.chip.who_am_i, table.accel_factory, table.gyro_factory, table.accel, table.gyro)
 
 
 def open_imu(bus: str | None = None, *, config: Path | str | None = None, clock: Clock | None = None) -> Imu:

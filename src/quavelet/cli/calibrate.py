@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from contextlib import ExitStack
 from datetime import UTC, datetime
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated
@@ -10,6 +13,7 @@ from typing import Annotated
 import msgspec
 import typer
 
+from quavelet.bench import chip_offsets
 from quavelet.bench.finding import Finding
 from quavelet.bench.session import STEPS, USUAL, Session, with_check
 from quavelet.bench.session_conduct import conduct
@@ -31,10 +35,10 @@ from quavelet.core.clock import Clock, MonotonicClock, VirtualClock
 from quavelet.core.errors import CalibrationError, ImuError, SettingsError
 from quavelet.core.health import Health
 from quavelet.drawing.page import check_drawing
+from quavelet.imu import offsets_table
 from quavelet.mpu6050.access import RegisterAccess
 from quavelet.mpu6050.fingerprint import fingerprint_of
 from quavelet.mpu6050.magnetometer.asked import MagnetometerParams
-from quavelet.mpu6050.offset_plan import OffsetPlan
 from quavelet.mpu6050.source import ChipSource
 from quavelet.mpu6050.stream import StreamInfo
 from quavelet.recording.reader import RecordingReader
@@ -60,6 +64,12 @@ Force = Annotated[
 ]
 From = Annotated[
     Path | None, typer.Option("--from", help="A recording in place of the board.", metavar="FILE", show_default=False)
+]
+WriteOffsets = Annotated[
+    bool,
+    typer.Option(
+        "--write-offsets", help="Put the offsets found into the chip's own registers too; `run` does so at each start."
+    ),
 ]
 Report = Annotated[
     Path | None, typer.Option("--report", help="Write a page of what was measured.", metavar="HTML", show_default=False)
@@ -95,6 +105,7 @@ def calibrate(
     resume: Resume = False,
     force: Force = False,
     from_file: From = None,
+    write_offsets: WriteOffsets = False,
     report: Report = None,
     virtual_time: options.VirtualTime = False,
 ) -> None:
@@ -108,59 +119,81 @@ def calibrate(
     settings = options.settings_of(bus, address, config, accept_id).settings
     if "magnetometer" in names and not settings.magnetometer.used:
         settings = msgspec.structs.replace(settings, magnetometer=MagnetometerParams(use="auto"))
-    store = None
+    if write_offsets:
+        _check_offsets_asked(settings, names, from_file)
+    with ExitStack() as stack:
+        store, in_chip = None, None
+        if from_file is not None:
+            if bus is not None or virtual_time or resume:
+                raise typer.BadParameter("a recording has its own: leave --bus, --virtual-time, --resume out")
+            evidence, src, out = _recorded(from_file, out)
+        else:
+            clock: Clock = VirtualClock() if options.on_virtual_time(settings, virtual_time) else MonotonicClock()
+            i2c = stack.enter_context(open_bus(settings.bus.name, clock=clock))
+            evidence, out, store = _measured(i2c, settings, clock, names, out, yes=yes, quiet=json, resume=resume)
+            src = settings.bus.name
+            if write_offsets:
+                in_chip = partial(chip_offsets.write_offsets, i2c, settings=settings, clock=clock, tell=talk)
+        result = work_out(evidence, utc=datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"), version=version("quavelet"))
+        code = _ended(result, out, store, in_chip, src=src, json=json, force=force, report=report)
+    raise typer.Exit(code)
+
+
+def _check_offsets_asked(settings: Settings, names: tuple[str, ...], from_file: Path | None) -> None:
+    """Whether there can be offsets to write. Raises BadParameter, SettingsError."""
     if from_file is not None:
-        if bus is not None or virtual_time or resume:
-            raise typer.BadParameter("a recording has its own: leave --bus, --virtual-time, --resume out")
-        evidence, src, out = _recorded(from_file, out)
-    else:
-        clock: Clock = VirtualClock() if options.on_virtual_time(settings, virtual_time) else MonotonicClock()
-        evidence, out, store = _measured(settings, clock, names, out, yes=yes, quiet=json, resume=resume)
-        src = settings.bus.name
-    result = work_out(evidence, utc=datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"), version=version("quavelet"))
-    raise typer.Exit(_ended(result, out, store, src=src, json=json, force=force, report=report))
+        raise typer.BadParameter("a recording has no registers to write to: leave --write-offsets out")
+    if settings.offsets.plan() is not None:
+        raise SettingsError("[offsets] of the settings stand in the chip already: remove them, or --write-offsets")
+    if not {"rest", "temperature", "faces", "poses"} & set(names):
+        raise typer.BadParameter("none of these steps shows an offset: take rest, faces or poses with --write-offsets")
 
 
 def _measured(
-    settings: Settings, clock: Clock, names: tuple[str, ...], out: Path | None, *, yes: bool, quiet: bool, resume: bool
+    i2c: I2CBus,
+    settings: Settings,
+    clock: Clock,
+    names: tuple[str, ...],
+    out: Path | None,
+    *,
+    yes: bool,
+    quiet: bool,
+    resume: bool,
 ) -> tuple[Evidence, Path, SessionStore]:
     """The whole session on a board. Raises Exit where it was stopped, ImuError where it cannot go on."""
-    with open_bus(settings.bus.name, clock=clock) as i2c:
-        if isinstance(i2c, FollowsInstructions) and not yes:
-            raise SettingsError(
-                f"nobody moves the board of {settings.bus.name} by hand: give --yes, and it moves itself"
+    if isinstance(i2c, FollowsInstructions) and not yes:
+        raise SettingsError(f"nobody moves the board of {settings.bus.name} by hand: give --yes, and it moves itself")
+    source = ChipSource(
+        i2c,
+        address=settings.bus.address,
+        config=settings.chip,
+        accept_id=settings.bus.accept_id,
+        offsets=settings.offsets.plan(),
+        magnetometer=settings.magnetometer,
+        clock=clock,
+        health=Health(),
+    )
+    chip = _chip(i2c, source.wait_until_streaming(), settings, clock)
+    out = out or default_path(chip.identity)
+    check_writable(out)
+    store = SessionStore(out)
+    evidence = _begun(store, chip, resume=resume)
+    session, stop = Session(names, evidence), _Stop()
+    try:
+        with operator_for(i2c, quiet=quiet) as operator, stopped_by_signals(stop):
+            finished = conduct(
+                session,
+                source,
+                settings=settings,
+                clock=clock,
+                operator=operator,
+                store=store,
+                stopped=stop.is_asked,
+                patience_s=PATIENCE_S if yes else float("inf"),
             )
-        source = ChipSource(
-            i2c,
-            address=settings.bus.address,
-            config=settings.chip,
-            accept_id=settings.bus.accept_id,
-            offsets=settings.offsets.plan(),
-            magnetometer=settings.magnetometer,
-            clock=clock,
-            health=Health(),
-        )
-        chip = _chip(i2c, source.wait_until_streaming(), settings, clock)
-        out = out or default_path(chip.identity)
-        check_writable(out)
-        store = SessionStore(out)
-        evidence = _begun(store, chip, resume=resume)
-        session, stop = Session(names, evidence), _Stop()
-        try:
-            with operator_for(i2c, quiet=quiet) as operator, stopped_by_signals(stop):
-                finished = conduct(
-                    session,
-                    source,
-                    settings=settings,
-                    clock=clock,
-                    operator=operator,
-                    store=store,
-                    stopped=stop.is_asked,
-                    patience_s=PATIENCE_S if yes else float("inf"),
-                )
-        except ImuError:
-            _tell_kept(store)
-            raise
+    except ImuError:
+        _tell_kept(store)
+        raise
     if not finished:
         _tell_kept(store)
         raise typer.Exit(exits.INTERRUPTED)
@@ -187,7 +220,7 @@ def _chip(i2c: I2CBus, info: StreamInfo, settings: Settings, clock: Clock) -> Ch
         address=info.address,
         fingerprint=fingerprint_of(access, variant=info.variant, offsets=plan),
     )
-    return _set_up(identity, info, plan)
+    return _set_up(identity, info, offsets_table(plan))
 
 
 def _recorded(file: Path, out: Path | None) -> tuple[Evidence, str, Path]:
@@ -195,14 +228,16 @@ def _recorded(file: Path, out: Path | None) -> tuple[Evidence, str, Path]:
     reader = RecordingReader(file)
     source = ReplaySource(reader, health=Health())
     info, in_use = source.info, reader.header.calibration
+    offsets = offsets_table(source.settings.offsets.plan())
     if in_use:
-        identity = from_toml(in_use).chip
+        record = from_toml(in_use)
+        identity, offsets = record.chip, record.offsets
     elif out is not None:
         identity = ChipIdentity(who_am_i=info.who_am_i, name=info.variant.name, bus=info.src, address=info.address)
     else:
         # Only a chip says by its factory's trim which one it is, and `run` looks for it by that.
         raise typer.BadParameter("the recording does not say which chip it is of: give --out", param_hint="--from")
-    chip = _set_up(identity, info, source.settings.offsets.plan())
+    chip = _set_up(identity, info, offsets)
     out = out or default_path(identity)
     check_writable(out)
     evidence = evidence_of((block for block in iter(source.read, None) if len(block)), chip)
@@ -210,12 +245,7 @@ def _recorded(file: Path, out: Path | None) -> tuple[Evidence, str, Path]:
     return evidence, f"replay:{info.src}", out
 
 
-def _set_up(identity: ChipIdentity, info: StreamInfo, plan: OffsetPlan | None) -> Chip:
-    offsets = None
-    if plan is not None:
-        offsets = OffsetsTable(
-            accel_factory=plan.accel_factory, gyro_factory=plan.gyro_factory, accel=plan.accel, gyro=plan.gyro
-        )
+def _set_up(identity: ChipIdentity, info: StreamInfo, offsets: OffsetsTable | None) -> Chip:
     return Chip(
         identity=identity,
         gyro_range_dps=info.gyro_range_dps,
@@ -245,13 +275,27 @@ def _tell_kept(store: SessionStore) -> None:
         talk(f"what was measured is kept in {store.path}: the same command with --resume goes on with it")
 
 
+InChip = Callable[[CalibrationRecord], tuple[CalibrationRecord, Finding]]
+
+
 def _ended(
-    result: Result, out: Path, store: SessionStore | None, *, src: str, json: bool, force: bool, report: Path | None
+    result: Result,
+    out: Path,
+    store: SessionStore | None,
+    in_chip: InChip | None,
+    *,
+    src: str,
+    json: bool,
+    force: bool,
+    report: Path | None,
 ) -> int:
-    """Judges, saves, tells; gives the exit code. Raises CalibrationError where it should be saved and cannot be."""
-    findings = verdict(result)
+    """Judges, saves, tells; gives the exit code. Raises CalibrationError where it should be saved and cannot be.
+
+    in_chip   puts what was saved into the chip as well, None where that was not asked for
+    """
+    findings, record, failure = verdict(result), result.record, None
     bad = [finding.name for finding in findings if not finding.ok]
-    worse = _worse(result.record, out)
+    worse = _worse(record, out)
     word = "not good enough" if bad else "worse" if worse else "good"
     reason = ""
     if (bad or worse) and not force:
@@ -260,28 +304,53 @@ def _ended(
     saved = None
     if not reason:
         try:
-            save_record(result.record, out, even_if_worse=force)
+            # The factory's words and this record are right together, whatever comes of the chip's own offsets.
+            save_record(record, out, even_if_worse=force)
+            saved = str(out)
+            if in_chip is not None:
+                record, finding, failure = _put_in_chip(record, in_chip, out)
+                findings.append(finding)
         except CalibrationError:
             if store is not None:
                 _tell_kept(store)
             raise
-        saved = str(out)
-    if store is not None and saved:
+    if store is not None and saved and failure is None:
         store.forget()
     if report is not None:
         write_report(report, result, findings, src=src, saved=saved)
         talk(f"{report} written")
-    told = Calibrated(
-        v=1, src=src, verdict=word, saved=saved, reason=reason, findings=tuple(findings), record=result.record
-    )
+    told = Calibrated(v=1, src=src, verdict=word, saved=saved, reason=reason, findings=tuple(findings), record=record)
     if json:
         exits.put(msgspec.json.encode(told).decode())
     else:
         for finding in [*findings, _summary(told)]:
             show_lines(finding)
-    if reason and store is not None:
+    if (reason or failure) and store is not None:
         _tell_kept(store)
+    if failure is not None:
+        return exits.exit_code(failure)
     return exits.VERDICT_FAILED if bad or worse else exits.OK
+
+
+def _put_in_chip(
+    record: CalibrationRecord, in_chip: InChip, out: Path
+) -> tuple[CalibrationRecord, Finding, ImuError | None]:
+    """The record that is saved at last, what is to be told, and what went wrong, None where nothing did.
+
+    Raises CalibrationError where the record cannot be saved.
+    """
+    try:
+        record, finding = in_chip(record)
+    except ImuError as error:
+        finding = Finding(
+            name="chip's offsets",
+            ok=False,
+            found=f"not written: {error}",
+            advice="the calibration is saved and good without them; the same command with --resume tries it once more",
+        )
+        return record, finding, error
+    save_record(record, out, even_if_worse=True)
+    return record, finding, None
 
 
 def _worse(record: CalibrationRecord, out: Path) -> str:

@@ -22,7 +22,7 @@ from quavelet.mpu6050.registers import FIFO_OFLOW_INT, INT_STATUS
 from quavelet.mpu6050.startup import StartUp, Step
 from quavelet.mpu6050.stream import StreamInfo, scale_for
 from quavelet.mpu6050.timebase import BOUND
-from quavelet.mpu6050.variants import MPU6050
+from quavelet.mpu6050.variants import MPU6050, Variant
 from quavelet.mpu6050.watch import Finding, RegisterWatch
 
 MAX_FAILURES = 10
@@ -47,6 +47,7 @@ class ChipSource:
 
     line is the wire from the chip's INT pin: with it the times of samples are those of its pulses, and without them,
     should it fail, those that follow from counts.
+    What is to stand in the chip's offset registers is given, or found (`StartUp`), and written after every reset.
     on_stream is called with the `StreamInfo` before the first drain, on_drain with every drain: what a
     recording needs. Errors: BusError while the chip is not yet known, WrongChip, ChipUnstable where it does not
     start, DeviceLost when it streamed and then gave nothing of use for `lost_s`, or was exchanged for another.
@@ -63,6 +64,7 @@ class ChipSource:
         lost_s: float = LOST_S,
         accept_id: int = 0,
         offsets: OffsetPlan | None = None,
+        find_offsets: Callable[[Variant], OffsetPlan | None] | None = None,
         line: DataReady | None = None,
         magnetometer: MagnetometerParams | None = None,
         on_stream: Callable[[StreamInfo], None] | None = None,
@@ -83,6 +85,7 @@ class ChipSource:
             health=health,
             accept_id=accept_id,
             offsets=offsets,
+            find_offsets=find_offsets,
             data_ready=line is not None,
             magnetometer=magnetometer,
         )

@@ -85,10 +85,14 @@ class StartUp:
         health: Health,
         accept_id: int = 0,
         offsets: OffsetPlan | None = None,
+        find_offsets: Callable[[Variant], OffsetPlan | None] | None = None,
         data_ready: bool = False,
         magnetometer: MagnetometerParams | None = None,
     ) -> None:
-        """accept_id is that of `identify`; offsets are written after every reset; data_ready: the INT pin is used."""
+        """accept_id is that of `identify`; offsets are written after every reset; data_ready: the INT pin is used.
+
+        find_offsets is asked for them while the chip is not yet known: awake, and with the factory's words in it.
+        """
         self.step = Step.PROBE
         self.due_ns = clock.now_ns()
         self.variant: Variant = MPU6050
@@ -104,6 +108,7 @@ class StartUp:
         self._config = config
         self._accept_id = accept_id
         self._offsets = offsets
+        self._find_offsets = find_offsets
         self._data_ready = data_ready
         self._clock = clock
         self._health = health
@@ -182,9 +187,7 @@ class StartUp:
             self.variant = identify(
                 who_am_i, bus=self._chip.bus.name, address=self._chip.address, accept_id=self._accept_id
             )
-            self._configuration = configuration_table(
-                self._config, variant=self.variant, offsets=self._offsets, data_ready=self._data_ready
-            )
+            self._configuration = self._configured()
             if self.variant.remark:
                 log.warning("%s", self.variant.remark)
         elif who_am_i in LINE_STUCK:
@@ -194,6 +197,11 @@ class StartUp:
             self._asked_again(who_am_i)
             return
         self._new_try()
+
+    def _configured(self) -> tuple[r.RegisterBits, ...]:
+        return configuration_table(
+            self._config, variant=self.variant, offsets=self._offsets, data_ready=self._data_ready
+        )
 
     def _asked_again(self, who_am_i: int) -> None:
         if self._chip.read(r.WHO_AM_I) != who_am_i:
@@ -228,6 +236,9 @@ class StartUp:
     def _wake(self) -> None:
         # Writes to other registers are ignored while the chip sleeps: wake first, on the PLL's clock.
         self._chip.write(r.PWR_MGMT_1, r.CLKSEL.encode(r.CLOCK_PLL_GYRO_X))
+        if self.info is None and self._find_offsets is not None:
+            self._offsets = self._find_offsets(self.variant)
+            self._configuration = self._configured()
         if self._offsets is not None:
             check_factory(self._chip, self._offsets, variant=self.variant)
         self._go(Step.CONFIGURE, PLL_WAIT_NS)
