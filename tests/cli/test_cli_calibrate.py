@@ -62,7 +62,7 @@ def test_the_page_stands_by_itself_and_shows_every_step_with_its_verdict(calibra
     page = calibrated[1].with_suffix(".page").read_text()
     for title in ("Verdict", "Accelerometer", "Gyroscope bias", "Gyroscope scale"):
         assert f"<h2>{title}</h2>" in page
-    assert page.count("<svg") == 3 + 5 + 1
+    assert page.count("<svg") == 4 + 5 + 1
     assert not re.search(r"""(src|href)\s*=\s*["']?(https?:)?//""", page)
     assert "NOT A REAL ONE" in page
     assert "held out" in page

@@ -119,6 +119,33 @@ def test_a_label_has_one_colour_in_all_charts_and_a_truth_none_of_its_own():
     assert len(set(colours.values())) == 3
 
 
+def test_what_was_fitted_is_drawn_over_the_points_in_the_letters_colour():
+    x = np.arange(3.0)
+    chart = Chart("fit", "", "", "", (Curve("fitted", x, x, dotted=True), Curve("measured", x, x)), kind="points")
+    colours = plot.colours_of([chart])
+    assert list(colours) == ["measured"]
+    picture = plot.svg(chart, colours)
+    dotted = re.search(r"<path[^>]*stroke-dasharray[^>]*stroke: currentColor", picture)
+    assert dotted is not None
+    assert dotted.start() > picture.index(colours["measured"])
+
+
+def test_a_round_thing_is_drawn_round():
+    turn = np.linspace(0.0, 2.0 * np.pi, 73)
+    chart = Chart("circle", "", "", "", (Curve("", 9.0 * np.cos(turn), 9.0 * np.sin(turn), dashed=True),), equal=True)
+    path = re.search(r'<path d="([^"]*)"[^>]*stroke-dasharray', plot.svg(chart, {}))
+    assert path is not None
+    x, y = np.array([float(word) for word in re.findall(r"[-\d.]+", path[1])]).reshape(-1, 2).T
+    assert np.ptp(x) == pytest.approx(np.ptp(y), rel=1e-3)
+
+
+def test_a_band_is_a_shade_of_its_curves_colour():
+    x = np.arange(3.0)
+    chart = Chart("band", "", "", "", (Curve("a", x, x, band=(x - 1.0, x + 1.0)),))
+    colours = plot.colours_of([chart])
+    assert f"fill: {colours['a']}; fill-opacity" in plot.svg(chart, colours)
+
+
 def test_charts_that_have_no_label_in_common_begin_with_the_same_colours():
     x = np.arange(2.0)
     methods = Chart("a", "", "", "", tuple(Curve(str(k), x, x) for k in range(7)))

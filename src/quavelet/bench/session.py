@@ -17,9 +17,9 @@ from quavelet.core.blocks import RawBlock
 from quavelet.core.errors import SettingsError
 from quavelet.core.instruction import Instruction
 
-KINDS: tuple[type[Step], ...] = (WarmUp, Rest, Faces, Turns, Poses, Temperature, LongStill, Field, Check)
+KINDS: tuple[type[Step], ...] = (WarmUp, Rest, Faces, Turns, Poses, LongStill, Temperature, Field, Check)
 STEPS = tuple(kind.name for kind in KINDS)
-"""In the order in which they are done."""
+"""In the order in which they are done; the noise before the heat, for the drift of a board that cools hides it."""
 USUAL = (WarmUp.name, Rest.name, Faces.name, Turns.name, Poses.name, Check.name)
 
 

@@ -9,11 +9,11 @@ import numpy as np
 from quavelet.bench.session_evidence import Evidence, Move
 from quavelet.bench.steps.turns import turn_of
 from quavelet.calibration.accelerometer import AccelerometerFit, fit_accelerometer
-from quavelet.calibration.allan import ACCEL, GYRO, AllanCurve, DataSheet, NoiseFit, allan_deviation, fit_noise
 from quavelet.calibration.calibrate import Calibrate
 from quavelet.calibration.gyro_bias import BiasFit, fit_gyro_bias
 from quavelet.calibration.magnetometer import MagnetometerFit, fit_magnetometer
 from quavelet.calibration.model import UNCALIBRATED
+from quavelet.calibration.noise import AxisNoise, noise_of
 from quavelet.calibration.poses import StillPose
 from quavelet.calibration.record import (
     CalibrationRecord,
@@ -32,16 +32,6 @@ BIAS_SIGMA_RAD_S = 0.01 * RAD_PER_DEG
 LEAST_POSES = 4
 SURE_SCALE = 0.003
 """What moves that nobody asked for show of the scale is taken where it is as sure as that."""
-
-
-@dataclass(frozen=True, slots=True)
-class AxisNoise:
-    """The noise of one axis, from the long still run."""
-
-    sheet: DataSheet
-    axis: str
-    curve: AllanCurve
-    fit: NoiseFit | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,13 +149,5 @@ def _noise(evidence: Evidence) -> tuple[AxisNoise, ...]:
     run = evidence.still
     if run is None:
         return ()
-    found = []
-    for sheet, values in zip((GYRO, ACCEL), run.si(evidence.chip.scale), strict=True):
-        for axis, column in zip("xyz", values.T, strict=True):
-            curve = allan_deviation(column, period_s=run.period_s)
-            try:
-                fit = fit_noise(curve)
-            except ValueError:
-                fit = None
-            found.append(AxisNoise(sheet, axis, curve, fit))
-    return tuple(found)
+    gyro_rad_s, accel_m_s2 = run.si(evidence.chip.scale)
+    return noise_of(gyro_rad_s, accel_m_s2, period_s=run.period_s)

@@ -7,9 +7,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from quavelet.bench.finding import Finding
-from quavelet.bench.session_result import AxisNoise, Result
+from quavelet.bench.session_result import Result
 from quavelet.calibration import accelerometer, turns
 from quavelet.calibration.model import UNCALIBRATED, ImuCalibration
+from quavelet.calibration.noise import AxisNoise
 from quavelet.calibration.poses import StillPose
 from quavelet.core.blocks import FloatArray
 from quavelet.core.units import DEG_PER_RAD, RAD_PER_DEG, STANDARD_GRAVITY_M_S2

@@ -317,7 +317,7 @@ def _ended(
     if store is not None and saved and failure is None:
         store.forget()
     if report is not None:
-        write_report(report, result, findings, src=src, saved=saved)
+        write_report(report, result, findings, src=src, verdict=word, saved=saved, reason=reason)
         talk(f"{report} written")
     told = Calibrated(v=1, src=src, verdict=word, saved=saved, reason=reason, findings=tuple(findings), record=record)
     if json:

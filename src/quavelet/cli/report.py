@@ -16,18 +16,24 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.text import Text
 
 from quavelet.calibration.allan import Term
+from quavelet.calibration.noise import AxisNoise
 from quavelet.cli import exits, options
 from quavelet.cli.run import talk
 from quavelet.cli.tables import console_for, table_of
 from quavelet.core.errors import RecordingError
+from quavelet.drawing.noise import noise_table
 from quavelet.drawing.page import Table, check_drawing, html_page, write
 from quavelet.settings import Settings
 from quavelet.study.recorded import load_recorded
-from quavelet.study.recording_report import AxisNoise, Report, figures, method_table, noise_table, section, work_through
+from quavelet.study.recording_report import Report, figures, method_table, section, work_through
 
 Files = Annotated[list[Path], typer.Argument(help="Recordings: .qrec, or npz files of arrays.", show_default=False)]
 Out = Annotated[Path, typer.Option("--out", help="Where the page goes.")]
 AsJson = Annotated[bool, typer.Option("--json", help="One JSON object a recording, a line each.")]
+ABOUT = (
+    "Each recording worked through by the papers' methods and by the default, sample by sample as live; what each "
+    "method is stands in the remarks below its pictures."
+)
 
 
 def report(
@@ -57,7 +63,9 @@ def report(
             if found.recorded.damage:
                 failures.append(RecordingError(found.recorded.damage))
     if sections:
-        page = html_page(_title(sections[0].title, len(sections)), (), sections, foot=f"quavelet {version('quavelet')}")
+        page = html_page(
+            _title(sections[0].title, len(sections)), (ABOUT,), sections, foot=f"quavelet {version('quavelet')}"
+        )
         write(out, page.encode())
         talk(f"{out} written")
     for failure in failures:

@@ -19,6 +19,15 @@ class Curve:
     _: KW_ONLY
     dashed: bool = False
     """A limit, a truth: drawn thin and dashed, in grey."""
+    dotted: bool = False
+    """What was fitted to another curve: drawn thin and dotted over it, in the colour of the letters."""
+    band: tuple[FloatArray, FloatArray] | None = None
+    """Lines: between which `y` may as well be, drawn as a shade."""
+
+    @property
+    def coloured(self) -> bool:
+        """Has it a colour of its own?"""
+        return not (self.dashed or self.dotted)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,6 +46,8 @@ class Chart:
     """Bars: each curve is one colour, `x` the number of the group, from 0."""
     ticks: tuple[str, ...] = ()
     """Bars: the names of the groups."""
+    equal: bool = False
+    """One unit is as long upwards as it is sideways: a circle is round."""
     log_x: bool = False
     log_y: bool = False
     note: str = ""

@@ -80,7 +80,7 @@ td.long{min-width:14rem}
 .n{text-align:right;font-variant-numeric:tabular-nums}
 td.n{white-space:nowrap}
 .good{color:var(--good)}.bad{color:var(--bad);font-weight:600}.doubt{color:var(--doubt)}.against{color:var(--bad)}
-.charts{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(100%,29rem),1fr));gap:1rem;margin:1rem 0}
+.charts{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(100%,29rem),1fr));gap:1rem;margin:1rem 0}
 figure{margin:0;min-width:0}
 figure svg{width:100%;height:auto;display:block}
 figcaption{font-size:.875rem;color:var(--soft);max-width:44rem}
@@ -94,6 +94,8 @@ figcaption{font-size:.875rem;color:var(--soft);max-width:44rem}
 .cards td:first-child,.cards td:nth-child(2){display:inline;font-weight:600}
 .cards td:first-child::before,.cards td:nth-child(2)::before{content:none}
 .cards td:first-child::after{content:"  "}
+.cards td:nth-child(2)::after{content:"\\A";white-space:pre}
+.wide table:not(.cards) td:first-child{position:sticky;left:0;background:var(--ground);max-width:9rem}
 }
 footer{margin-top:3rem;color:var(--soft);font-size:.875rem}
 """

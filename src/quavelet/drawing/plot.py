@@ -31,6 +31,7 @@ _INK = "#212529"
 """Stands for the page's ink; no curve has it."""
 _WIDTH_IN, _HEIGHT_IN, _LINE_IN = 5.6, 3.1, 0.2
 """Small, so that its letters are still letters on a telephone; a line of title or legend makes it higher."""
+_EQUAL_HEIGHT_IN = 4.9
 _BUCKETS = 700
 """A longer line is drawn by the least and the greatest value of so many stretches."""
 _LEGEND_WIDTH, _KEY_LETTERS = 74, 7
@@ -51,7 +52,7 @@ def colours_of(charts: Iterable[Chart]) -> dict[str, str]:
     family_of: dict[str, int] = {}
     used: list[int] = []
     for chart in charts:
-        labels = [curve.label for curve in chart.curves if not curve.dashed]
+        labels = [curve.label for curve in chart.curves if curve.coloured]
         family = next((family_of[label] for label in labels if label in family_of), len(used))
         if family == len(used):
             used.append(0)
@@ -129,7 +130,8 @@ def _drawn(chart: Chart, colours: Mapping[str, str]) -> Figure:
     columns = _legend_columns(labels)
     title = wrap(chart.title, _TITLE_WIDTH)
     lines = len(title) + (-(-len(labels) // columns) if labels else 0)
-    figure = Figure(figsize=(_WIDTH_IN, _HEIGHT_IN + lines * _LINE_IN), layout="constrained")
+    height_in = (_EQUAL_HEIGHT_IN if chart.equal else _HEIGHT_IN) + lines * _LINE_IN
+    figure = Figure(figsize=(_WIDTH_IN, height_in), layout="constrained")
     axes = figure.add_subplot()
     figure.suptitle("\n".join(title), x=0.01, ha="left", fontsize=11, fontweight="bold")
     axes.set_xlabel(chart.x_label)
@@ -141,10 +143,12 @@ def _drawn(chart: Chart, colours: Mapping[str, str]) -> Figure:
         for curve in chart.curves:
             drawn = _curve(axes, curve, colours, points=chart.kind == "points", log_x=chart.log_x)
             # A noisy curve would hide a calm one that lay below it.
-            drawn.set_zorder(2.0 + calmest_last.index(curve) / 100.0)
+            drawn.set_zorder((4.0 if curve.dotted else 2.0) + calmest_last.index(curve) / 100.0)
         axes.margins(x=0.02)
         if chart.kind == "points" and all((curve.x == np.round(curve.x)).all() for curve in chart.curves):
             axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    if chart.equal:
+        axes.set_aspect("equal", adjustable="datalim")
     if chart.log_x:
         axes.set_xscale("log")
         _plain_numbers(axes.xaxis, [curve.x for curve in chart.curves])
@@ -176,14 +180,17 @@ def _legend_columns(labels: Sequence[str]) -> int:
 
 
 def _curve(axes: Axes, curve: Curve, colours: Mapping[str, str], *, points: bool, log_x: bool) -> Line2D:
-    colour = GREY if curve.dashed else colours[curve.label]
+    colour = colours[curve.label] if curve.coloured else _INK if curve.dotted else GREY
     label = curve.label or None
-    if points and not curve.dashed:
+    if points and curve.coloured:
         (line,) = axes.plot(curve.x, curve.y, linestyle="none", marker="o", markersize=3.5, color=colour, label=label)
         return line
     x, y = (curve.x, curve.y) if log_x else _thinned(curve.x, curve.y)
-    width = 1.1 if curve.dashed or len(x) > _BUCKETS else 1.6
-    (line,) = axes.plot(x, y, linestyle="--" if curve.dashed else "-", linewidth=width, color=colour, label=label)
+    width = 1.6 if curve.coloured and len(x) <= _BUCKETS else 1.1
+    style = "--" if curve.dashed else ":" if curve.dotted else "-"
+    (line,) = axes.plot(x, y, linestyle=style, linewidth=width, color=colour, label=label)
+    if curve.band is not None:
+        axes.fill_between(curve.x, *curve.band, color=colour, alpha=0.2, linewidth=0.0)
     return line
 
 
@@ -202,7 +209,7 @@ def _plain_numbers(axis: Axis, values: Sequence[FloatArray]) -> None:
 
 
 def _bars(axes: Axes, chart: Chart, colours: Mapping[str, str]) -> None:
-    bars = [curve for curve in chart.curves if not curve.dashed]
+    bars = [curve for curve in chart.curves if curve.coloured]
     width = 0.8 / max(1, len(bars))
     for k, curve in enumerate(bars):
         place = curve.x + (k - (len(bars) - 1) / 2) * width

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import isnan, nan
 
 import numpy as np
 
-from quavelet.calibration.allan import ACCEL, GYRO, AllanCurve, DataSheet, NoiseFit, Term, allan_deviation, fit_noise
 from quavelet.calibration.calibrate import Calibrate
 from quavelet.calibration.model import UNCALIBRATED
+from quavelet.calibration.noise import AxisNoise, noise_of
 from quavelet.core.blocks import AttitudeBlock, Flag, FloatArray, ImuBlock, concat
 from quavelet.core.units import DEG_PER_RAD, NS_PER_S
 from quavelet.drawing.chart import Chart, Curve
-from quavelet.drawing.page import Cell, Mark, Section, Table, significant
+from quavelet.drawing.noise import BRACKETS, allan_charts, noise_table
+from quavelet.drawing.page import Cell, Section, Table
 from quavelet.pipeline import build_pipeline
 from quavelet.settings import Settings
 from quavelet.study.methods import DEFAULT, Method, methods
@@ -36,18 +37,6 @@ class Ran:
     method: Method
     block: AttitudeBlock
     score: Score
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class AxisNoise:
-    """One axis of a sensor that lay still: its Allan deviation, and what that is made of (None: the record is too
-    short to say); `mean` is what it read, SI."""
-
-    sheet: DataSheet
-    axis: str
-    mean: float
-    curve: AllanCurve
-    fit: NoiseFit | None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -126,54 +115,12 @@ def method_table(report: Report) -> Table:
     return Table("Methods side by side", head, rows, numbers=frozenset(range(1, len(head))))
 
 
-def noise_table(noise: Sequence[AxisNoise]) -> Table:
-    """A row an axis: the noise of a board that lies still, in the data sheet's units."""
-    head = (
-        "sensor", "axis", "mean", "density, /rtHz", "data sheet", "judged", "bias instability", "random walk, /rts",
-        "drift, /h", "least deviation", "averaged over",
-    )  # fmt: skip
-    rows = []
-    for one in noise:
-        sheet = one.sheet
-        unit = 1.0 / sheet.unit_si
-        least, tau_s = one.curve.minimum()
-        word = sheet.word(one.fit.density.value) if one.fit else ""
-        marks: dict[str, Mark] = {"good": "good", "poor": "bad"}
-        terms = ["", "", "", ""]
-        if one.fit:
-            shown = ((one.fit.density, unit), (one.fit.instability, unit), (one.fit.walk, unit))
-            terms = [*(_term(term, factor) for term, factor in shown), _term(one.fit.ramp, 3600.0 * unit)]
-        rows.append(
-            (
-                Cell(f"{sheet.name}, {sheet.unit}"),
-                Cell(one.axis),
-                Cell(significant(one.mean * unit, 4)),
-                Cell(terms[0]),
-                Cell(f"{sheet.density:g}"),
-                Cell(word, marks.get(word, "")),
-                *(Cell(term) for term in terms[1:]),
-                Cell(significant(least * unit, 3)),
-                Cell(f"{tau_s:.0f} s"),
-            )
-        )
-    return Table("Noise at rest", head, tuple(rows), numbers=frozenset({2, 3, 4, 6, 7, 8, 9, 10}))
-
-
 def _noise(imu: ImuBlock) -> tuple[AxisNoise, ...]:
     """Both sensors' axes over a still stretch; nothing where it is too short."""
     if not len(imu) or len(imu) * float(imu.period_s[0]) < NOISE_FROM_S:
         return ()
     period_s = float(imu.t_ns[-1] - imu.t_ns[0]) / NS_PER_S / (len(imu) - 1)
-    found = []
-    for sheet, values in ((GYRO, imu.gyro_rad_s + imu.gyro_bias_rad_s), (ACCEL, imu.accel_m_s2)):
-        for k, axis in enumerate(AXES):
-            curve = allan_deviation(values[:, k], period_s=period_s)
-            try:
-                fit = fit_noise(curve)
-            except ValueError:
-                fit = None
-            found.append(AxisNoise(sheet, axis, float(values[:, k].mean()), curve, fit))
-    return tuple(found)
+    return noise_of(imu.gyro_rad_s + imu.gyro_bias_rad_s, imu.accel_m_s2, period_s=period_s)
 
 
 def _about(report: Report) -> str:
@@ -206,9 +153,7 @@ def _remarks(report: Report) -> list[str]:
     if not any((ran.block.flags & (Flag.BIAS_UNKNOWN | Flag.SETTLING) == 0).any() for ran in report.runs):
         remarks.append("No method ever said that its attitude can be trusted.")
     if report.noise:
-        remarks.append(
-            "A noise figure in brackets is not seen in so short a record, the number is the most it can be (95 %)."
-        )
+        remarks.append(BRACKETS)
     return remarks
 
 
@@ -242,32 +187,7 @@ def _charts(report: Report, name: str) -> tuple[Chart, ...]:
     for values, stem, title, unit in ((rate, "rate", "Rate", "deg/s"), (force, "force", "Specific force", "m/s^2")):
         axes = tuple(Curve(axis, t_s[every], values[every, k]) for k, axis in enumerate(AXES))
         charts.append(Chart(f"{name}-{stem}", f"{title}, as measured", "time, s", f"{title.lower()}, {unit}", axes))
-    for sheet in dict.fromkeys(one.sheet for one in report.noise):
-        charts.append(_allan_chart([one for one in report.noise if one.sheet is sheet], name))
-    return tuple(charts)
-
-
-def _allan_chart(axes: Sequence[AxisNoise], name: str) -> Chart:
-    sheet = axes[0].sheet
-    curves = [Curve(one.axis, one.curve.tau_s, one.curve.deviation / sheet.unit_si) for one in axes]
-    tau_s = axes[0].curve.tau_s
-    curves.append(Curve("data sheet", tau_s, sheet.density / np.sqrt(2.0 * tau_s), dashed=True))
-    return Chart(
-        f"{name}-allan-{sheet.name}",
-        f"Allan deviation of the {sheet.name} at rest",
-        "averaging time, s",
-        f"deviation, {sheet.unit}",
-        tuple(curves),
-        log_x=True,
-        log_y=True,
-        note="How far two means over this time, one after the other, are apart. White noise falls by the square root.",
-    )
-
-
-def _term(term: Term, factor: float) -> str:
-    if not term.seen:
-        return f"(< {significant(term.limit * factor, 2)})"
-    return f"{significant(term.value * factor, 3)} ± {significant(term.sigma * factor, 1)}"
+    return (*charts, *allan_charts(report.noise, name))
 
 
 def _deg(value: float) -> str:
