@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -64,7 +65,7 @@ def words_of(page: str) -> list[str]:
     ],
 )
 def test_the_first_words_say_what_became_of_it(result, tmp_path, said, first):
-    assert words_of(page_of(result, tmp_path, **said))[0] == first
+    assert words_of(page_of(replace(result, noise=(), field=None), tmp_path, **said))[0] == first
 
 
 def test_noise_and_field_are_drawn_with_their_figures(result, tmp_path):
@@ -82,7 +83,4 @@ def test_noise_and_field_are_drawn_with_their_figures(result, tmp_path):
     found = re.search(r"The gyroscope&#x27;s density in SI: x (\S+), y \S+, z \S+ rad/s/rtHz", text)
     assert found is not None
     assert float(found[1]) == pytest.approx(density, rel=0.1)
-
-
-def test_the_page_stays_small_enough_to_send(result, tmp_path):
-    assert len(page_of(result, tmp_path)) < 500_000
+    assert len(page) < 500_000, "to be sent to somebody"

@@ -142,7 +142,7 @@ def field(result: Result) -> tuple[Chart, ...]:
     fit = result.field
     assert fit is not None, "drawn only where it is"
     measured = np.array(result.evidence.field_ut)
-    measured = measured[:: max(1, len(measured) // FIELD_POINTS)]
+    measured = measured[:: -(-len(measured) // FIELD_POINTS)]
     true = fit.calibration.corrected_ut(measured)
     x, y = fit.field_ut * np.cos(_ROUND), fit.field_ut * np.sin(_ROUND)
     return tuple(

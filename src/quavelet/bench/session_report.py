@@ -33,7 +33,7 @@ def write_report(
     if saved is None:
         headline = f"{reason[:1].upper()}{reason[1:]}."
     else:
-        headline = f"{verdict.capitalize()}{', and' if verdict == 'good' else ' and all the same'} saved as {saved}."
+        headline = f"{verdict.capitalize()}{', and' if verdict == 'good' else ', and all the same'} saved as {saved}."
     sections = [_verdict(findings)]
     if result.accel is not None:
         sections.append(_accelerometer(result))
