@@ -8,7 +8,7 @@ import pytest
 from quavelet.core.blocks import AttitudeBlock, Flag
 from quavelet.core.euler import from_euler
 from quavelet.core.quaternion import conjugate, multiply, rotate
-from quavelet.study.recorded import Truth
+from quavelet.recording.recorded import Truth
 from quavelet.study.scores import drawn_deg, errors_over_time, score, settled_from, still_rows
 
 N = 1000

@@ -18,7 +18,7 @@ from quavelet.bench.finding import Finding
 from quavelet.bench.session import STEPS, USUAL, Session, with_check
 from quavelet.bench.session_conduct import conduct
 from quavelet.bench.session_evidence import Chip, Evidence
-from quavelet.bench.session_recorded import evidence_of
+from quavelet.bench.session_recorded import SHOWN, evidence_of
 from quavelet.bench.session_report import write_report
 from quavelet.bench.session_result import Result, work_out
 from quavelet.bench.session_store import SessionStore
@@ -32,7 +32,7 @@ from quavelet.cli.calibrate_operator import operator_for
 from quavelet.cli.doctor import show_lines
 from quavelet.cli.run import stopped_by_signals, talk
 from quavelet.core.clock import Clock, MonotonicClock, VirtualClock
-from quavelet.core.errors import CalibrationError, ImuError, SettingsError
+from quavelet.core.errors import CalibrationError, ImuError, RecordingError, SettingsError
 from quavelet.core.health import Health
 from quavelet.drawing.page import check_drawing
 from quavelet.imu import offsets_table
@@ -41,8 +41,8 @@ from quavelet.mpu6050.fingerprint import fingerprint_of
 from quavelet.mpu6050.magnetometer.asked import MagnetometerParams
 from quavelet.mpu6050.source import ChipSource
 from quavelet.mpu6050.stream import StreamInfo
-from quavelet.recording.reader import RecordingReader
-from quavelet.recording.replay import ReplaySource
+from quavelet.mpu6050.variants import MPU6050
+from quavelet.recording.recorded import Recorded, load_recorded
 from quavelet.settings import Settings
 
 ALL = "all"
@@ -63,7 +63,10 @@ Force = Annotated[
     bool, typer.Option("--force", help="Save it even if it is not good enough, or worse than the one there.")
 ]
 From = Annotated[
-    Path | None, typer.Option("--from", help="A recording in place of the board.", metavar="FILE", show_default=False)
+    Path | None,
+    typer.Option(
+        "--from", help="A recording in place of the board, .qrec or .npz.", metavar="FILE", show_default=False
+    ),
 ]
 WriteOffsets = Annotated[
     bool,
@@ -124,9 +127,9 @@ def calibrate(
     with ExitStack() as stack:
         store, in_chip = None, None
         if from_file is not None:
-            if bus is not None or virtual_time or resume:
-                raise typer.BadParameter("a recording has its own: leave --bus, --virtual-time, --resume out")
-            evidence, src, out = _recorded(from_file, out)
+            if virtual_time or resume:
+                raise typer.BadParameter("a recording has its own: leave --virtual-time, --resume out")
+            evidence, src, out = _recorded(from_file, out, settings, names, bus=bus)
         else:
             clock: Clock = VirtualClock() if options.on_virtual_time(settings, virtual_time) else MonotonicClock()
             i2c = stack.enter_context(open_bus(settings.bus.name, clock=clock))
@@ -223,26 +226,49 @@ def _chip(i2c: I2CBus, info: StreamInfo, settings: Settings, clock: Clock) -> Ch
     return _set_up(identity, info, offsets_table(plan))
 
 
-def _recorded(file: Path, out: Path | None) -> tuple[Evidence, str, Path]:
+def _recorded(
+    file: Path, out: Path | None, settings: Settings, names: tuple[str, ...], *, bus: str | None
+) -> tuple[Evidence, str, Path]:
     """The evidence in a recording, what it is of, and where the calibration goes."""
-    reader = RecordingReader(file)
-    source = ReplaySource(reader, health=Health())
-    info, in_use = source.info, reader.header.calibration
-    offsets = offsets_table(source.settings.offsets.plan())
-    if in_use:
-        record = from_toml(in_use)
-        identity, offsets = record.chip, record.offsets
-    elif out is not None:
-        identity = ChipIdentity(who_am_i=info.who_am_i, name=info.variant.name, bus=info.src, address=info.address)
-    else:
+    if not set(SHOWN) & set(names):
+        raise typer.BadParameter(f"a recording shows {', '.join(SHOWN)}: take some of them", param_hint="--steps")
+    recorded = load_recorded(file)
+    if len(recorded.runs) > 1:
+        raise CalibrationError(f"{file}: the chip's ranges changed in it: record again, with one of them")
+    if recorded.stream is not None and bus is not None:
+        raise typer.BadParameter("the recording says itself what it is of: leave --bus out")
+    if out is None and not recorded.calibration:
         # Only a chip says by its factory's trim which one it is, and `run` looks for it by that.
         raise typer.BadParameter("the recording does not say which chip it is of: give --out", param_hint="--from")
-    chip = _set_up(identity, info, offsets)
-    out = out or default_path(identity)
+    chip = _recorded_chip(recorded, settings, bus)
+    out = out or default_path(chip.identity)
     check_writable(out)
-    evidence = evidence_of((block for block in iter(source.read, None) if len(block)), chip)
-    reader.check()
-    return evidence, f"replay:{info.src}", out
+    evidence = evidence_of(recorded.runs, chip, steps=names)
+    if recorded.damage:
+        raise RecordingError(recorded.damage)
+    return evidence, f"replay:{chip.identity.bus}", out
+
+
+def _recorded_chip(recorded: Recorded, settings: Settings, bus: str | None) -> Chip:
+    """The chip of a recording; arrays say nothing of theirs, so it is that of the options, on a bus of the file's name
+    where none is given: such a calibration `run` does not take for that of a chip."""
+    info, (run,) = recorded.stream, recorded.runs
+    if info is None:
+        chip = settings.chip
+        identity = ChipIdentity(
+            who_am_i=MPU6050.who_am_i,
+            name=MPU6050.name,
+            bus=bus or f"recording:{recorded.path.name}",
+            address=settings.bus.address,
+        )
+        return Chip(
+            identity=identity, gyro_range_dps=chip.gyro_range_dps, accel_range_g=chip.accel_range_g, scale=run.scale
+        )
+    if recorded.calibration:
+        record = from_toml(recorded.calibration)
+        return _set_up(record.chip, info, record.offsets)
+    identity = ChipIdentity(who_am_i=info.who_am_i, name=info.variant.name, bus=info.src, address=info.address)
+    return _set_up(identity, info, offsets_table(recorded.settings.offsets.plan()) if recorded.settings else None)
 
 
 def _set_up(identity: ChipIdentity, info: StreamInfo, offsets: OffsetsTable | None) -> Chip:

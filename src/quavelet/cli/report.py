@@ -23,8 +23,8 @@ from quavelet.cli.tables import console_for, table_of
 from quavelet.core.errors import RecordingError
 from quavelet.drawing.noise import noise_table
 from quavelet.drawing.page import Table, check_drawing, html_page, write
+from quavelet.recording.recorded import load_recorded
 from quavelet.settings import Settings
-from quavelet.study.recorded import load_recorded
 from quavelet.study.recording_report import Report, figures, method_table, section, work_through
 
 Files = Annotated[list[Path], typer.Argument(help="Recordings: .qrec, or npz files of arrays.", show_default=False)]

@@ -17,9 +17,9 @@ from quavelet.drawing.chart import Chart, Curve
 from quavelet.drawing.noise import BRACKETS, allan_charts, noise_table
 from quavelet.drawing.page import Cell, Section, Table
 from quavelet.pipeline import build_pipeline
+from quavelet.recording.recorded import Recorded, Truth
 from quavelet.settings import Settings
 from quavelet.study.methods import DEFAULT, Method, methods
-from quavelet.study.recorded import Recorded, Truth
 from quavelet.study.scores import Score, drawn_deg, errors_over_time, score, settled_from, still_rows
 
 AXES, ANGLES = "xyz", ("roll", "pitch", "yaw")

@@ -11,7 +11,7 @@ from quavelet.core.blocks import AttitudeBlock, BoolArray, Flag, FloatArray
 from quavelet.core.euler import to_euler
 from quavelet.core.quaternion import conjugate, inclination_between, multiply, rotate
 from quavelet.core.units import DEG_PER_RAD, NS_PER_S, RAD_PER_DEG
-from quavelet.study.recorded import Truth
+from quavelet.recording.recorded import Truth
 
 GRAVITY_WITHIN = 0.03
 GRAVITY_RATE_RAD_S = 20.0 * RAD_PER_DEG

@@ -9,7 +9,7 @@ from quavelet.calibration.calibrate import Calibrate
 from quavelet.calibration.model import UNCALIBRATED
 from quavelet.core.blocks import Flag
 from quavelet.core.errors import RecordingError
-from quavelet.study.recorded import load_recorded
+from quavelet.recording.recorded import load_recorded
 
 N, FS = 500, 100.0
 RNG = np.random.default_rng(1)

@@ -16,6 +16,7 @@ from quavelet.core.errors import RecordingError, SettingsError
 from quavelet.core.health import Health
 from quavelet.core.units import NS_PER_S, RAD_PER_DEG, STANDARD_GRAVITY_M_S2
 from quavelet.mpu6050.decoder import clip_flags
+from quavelet.mpu6050.stream import StreamInfo
 from quavelet.recording.reader import RecordingReader
 from quavelet.recording.replay import ReplaySource
 from quavelet.settings import Settings
@@ -44,6 +45,8 @@ class Recorded:
     settings  those it was recorded with, None where the file has none
     damage    a sentence about what could not be read of it, "" where all could
     note      a sentence about settings that this version no longer takes, "" where it takes them
+    stream    the chip as it was configured last, None where the file does not say
+    calibration   the text of the calibration's file that was in use, "" without one
     """
 
     path: Path
@@ -52,6 +55,8 @@ class Recorded:
     settings: Settings | None = None
     damage: str = ""
     note: str = ""
+    stream: StreamInfo | None = None
+    calibration: str = ""
 
     @property
     def seconds(self) -> float:
@@ -112,7 +117,15 @@ def _qrec(path: Path) -> Recorded:
         settings = source.settings
     except SettingsError as error:
         note = f"{error}; the defaults are in their place"
-    return Recorded(path, tuple(concat(run) for run in runs), settings=settings, damage=damage, note=note)
+    return Recorded(
+        path,
+        tuple(concat(run) for run in runs),
+        settings=settings,
+        damage=damage,
+        note=note,
+        stream=source.info,
+        calibration=reader.header.calibration,
+    )
 
 
 def _npz(path: Path) -> Recorded:
