@@ -89,7 +89,9 @@ def test_a_bump_at_rest_is_in_no_pose_and_the_person_is_told(tmp_path):
 
     bench = Bench(["rest"], out=tmp_path / "c", each_look=knock)
     assert bench.conduct()
-    assert any("moved" in notice for notice in bench.notices)
+    told = [view for view in bench.views if "moved" in view.notice]
+    assert max(view.seen.still_s for view in told if view.seen) > 2.5, "it is gone before anybody has read it"
+    assert bench.views[-1].notice == ""
     rates = np.array([pose.gyro_rad_s for pose in bench.evidence.rest]) * DEG_PER_RAD
     drift = np.ptp(rates, axis=0)
     # What remains is the drift of a board that warms up, 0.33 deg/s/degC at most.

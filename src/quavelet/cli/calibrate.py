@@ -47,6 +47,8 @@ from quavelet.settings import Settings
 
 ALL = "all"
 USUAL_STEPS = ",".join(USUAL)
+RESUME = "the same command with --resume goes on with it"
+MORE = "--resume with other --steps adds to it; to begin anew, remove it"
 PATIENCE_S = 1800.0
 """A step that takes longer with nobody there does not come to its end."""
 
@@ -113,6 +115,10 @@ def calibrate(
     virtual_time: options.VirtualTime = False,
 ) -> None:
     """Calibrate a board on a bench, step by step; needs a table, something square, and some eight minutes.
+
+    Steps: warm-up and rest (the board lies), faces (on each of its six), turns (all the way round on the table), poses
+    (leant twelve ways), check (four more, by which the result is judged). On request also allan (noise, five minutes
+    lying), temperature (warmed, then cooling), magnetometer (turned through all attitudes).
 
     Interrupted, it goes on with --resume. Exit code 6 where the result is not good enough: then nothing is saved.
     """
@@ -294,11 +300,11 @@ class _Stop:
         return self._asked
 
 
-def _tell_kept(store: SessionStore) -> None:
+def _tell_kept(store: SessionStore, *, then: str = RESUME) -> None:
     if store.failure:
         talk(store.failure)
     elif store.path.exists():
-        talk(f"what was measured is kept in {store.path}: the same command with --resume goes on with it")
+        talk(f"what was measured is kept in {store.path}: {then}")
 
 
 InChip = Callable[[CalibrationRecord], tuple[CalibrationRecord, Finding]]
@@ -352,7 +358,7 @@ def _ended(
         for finding in [*findings, _summary(told)]:
             show_lines(finding)
     if (reason or failure) and store is not None:
-        _tell_kept(store)
+        _tell_kept(store, then=MORE if reason else RESUME)
     if failure is not None:
         return exits.exit_code(failure)
     return exits.VERDICT_FAILED if bad or worse else exits.OK

@@ -78,8 +78,8 @@ def render(view: View, src: str) -> RenderableType:
         rows.append(Text("\n".join(lines + [""] * (INSTRUCTION_LINES - len(lines))), style="bold"))
     rows.append("")
     if view.seen is not None:
-        rows.append(_board(view.seen, view.needs_s))
-    rows += ["", Text(view.notice or "all well", style="yellow" if view.notice else "green")]
+        rows.append(_board(view.seen, view.needs_s, view.instruction))
+    rows += ["", Text(view.notice.replace("degC", "°C") or "all well", style="yellow" if view.notice else "green")]
     fake = "fake:" in src
     title = f"NOT A REAL CHIP — calibrating {src}" if fake else f"calibrating {src}"
     return Panel(
@@ -91,7 +91,7 @@ def render(view: View, src: str) -> RenderableType:
     )
 
 
-def _board(seen: Seen, needs_s: float) -> RenderableType:
+def _board(seen: Seen, needs_s: float, asked: Instruction | None) -> RenderableType:
     facts = Table.grid(padding=(0, 2))
     if seen.still_s > 0.0:
         still: RenderableType = Text("still", style="bold green")
@@ -99,16 +99,25 @@ def _board(seen: Seen, needs_s: float) -> RenderableType:
             still = Table.grid(padding=(0, 1))
             part = min(1.0, seen.still_s / needs_s)
             still.add_row(
-                Text("still ", style="bold green"), _bar(part, "green"), f"{min(seen.still_s, needs_s):.1f} s"
+                Text("still ", style="bold green"),
+                _bar(part, "green"),
+                f"{min(seen.still_s, needs_s):.1f} of {needs_s:g} s",
             )
     else:
-        turned = f", turned by {seen.turned_deg:+.0f}°" if abs(seen.turned_deg) >= SHOWN_DEG else ""
+        whole = f" of {asked.turn_deg:+.0f}°" if asked is not None and asked.turn_deg else ""
+        turned = f", turned by {seen.turned_deg:+.0f}°{whole}" if abs(seen.turned_deg) >= SHOWN_DEG else ""
         still = Text(f"moving{turned}", style="bold yellow")
     facts.add_row("board", still)
-    facts.add_row("up", Text(seen.face or "no face", style="bold" if seen.face else "dim"))
+    facts.add_row("up", _face(seen.face, asked.face if asked is not None else ""))
     trend = "" if seen.trend_degc_min is None else f", {seen.trend_degc_min:+.2f} °C/min"
     facts.add_row("chip", f"{seen.temp_degc:.1f} °C{trend}")
     return facts
+
+
+def _face(face: str | None, asked: str) -> Text:
+    """Which is up, beside the one asked for, "" where none is."""
+    up = Text(face or "no face", style="dim" if not face else "bold green" if face == asked else "bold")
+    return up.append(f"  (asked for: {asked})", style="not bold dim") if asked and face != asked else up
 
 
 def _bar(part: float, style: str) -> Text:

@@ -91,10 +91,13 @@ class Rest(Step):
     def take(self, seen: Seen) -> None:
         hot, was_still = too_hot(seen), self._since_s > 0.0
         self._since_s = min(seen.still_s, STILL_S)
-        if hot or seen.still_s > 1.0:
+        if hot:
             self.notice = hot
         elif was_still and seen.still_s == 0.0:
             self.notice = MOVED
+        elif seen.poses or self.notice != MOVED:
+            # Who looks at the board and not at the screen finds it there until it is mended.
+            self.notice = ""
         if not hot:
             self._poses += len(seen.poses)
             self.evidence.rest += seen.poses
