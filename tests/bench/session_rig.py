@@ -7,7 +7,7 @@ from pathlib import Path
 
 from hw_fakes.wire.bench import BenchBus
 from quavelet.bench.session import Session, View
-from quavelet.bench.session_conduct import conduct
+from quavelet.bench.session_conduct import LOOKS_HZ, conduct
 from quavelet.bench.session_evidence import Chip, Evidence
 from quavelet.bench.session_store import SessionStore
 from quavelet.calibration.record import ChipIdentity
@@ -80,7 +80,9 @@ class Bench:
             self.notices.append(view.notice)
         self._each_look(self)
 
-    def conduct(self, *, stopped: Callable[[], bool] = lambda: False, patience_s: float = 600.0) -> bool:
+    def conduct(
+        self, *, stopped: Callable[[], bool] = lambda: False, patience_s: float = 600.0, looks_hz: float = LOOKS_HZ
+    ) -> bool:
         return conduct(
             self.session,
             self.source,
@@ -90,4 +92,5 @@ class Bench:
             store=self.store,
             stopped=stopped,
             patience_s=patience_s,
+            looks_hz=looks_hz,
         )

@@ -21,9 +21,10 @@ BARS = {
 }
 """Of the largest error of a board's axes: 95 % of boards must be within."""
 OFF = ~np.eye(3, dtype=bool)
+Errors = tuple[dict[str, float], dict[str, np.ndarray], float]
 
 
-def errors_of(c: Calibrated) -> tuple[dict[str, float], dict[str, np.ndarray], float]:
+def errors_of(c: Calibrated) -> Errors:
     """Largest error of each kind, errors in sigmas by kind, and the largest uncalibrated attitude error in deg."""
     board = c.board
     shown = np.diag(board.accel_scale) + np.array(board.accel_cross_axis)
@@ -68,12 +69,16 @@ def angles_deg(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def table(seeds: range) -> tuple[dict[str, float], dict[str, float]]:
+    """`show` of boards whose samples go to the estimators alone."""
+    return show([errors_of(calibrated_board(seed)) for seed in seeds], "calibrated by hand on a bench")
+
+
+def show(each: list[Errors], how: str) -> tuple[dict[str, float], dict[str, float]]:
     """The 95 % point of each error, and the part of the truths within 1.96 sigmas; printed."""
-    each = [errors_of(calibrated_board(seed)) for seed in seeds]
     points = {name: float(np.quantile([errors[name] for errors, _, _ in each], 0.95)) for name in BARS}
     covered = {name: float((np.abs([z[name] for _, z, _ in each]) < 1.96).mean()) for name in each[0][1]}
     raw = [before for _, _, before in each]
-    print(f"\n{len(seeds)} boards drawn from the data sheet's limits, calibrated by hand on a bench")
+    print(f"\n{len(each)} boards drawn from the data sheet's limits, {how}")
     print(f"{'largest error of a board':<38}{'95 % within':>12}{'bar':>8}{'worst':>9}")
     for name, bar in BARS.items():
         print(f"{name:<38}{points[name]:>12.4f}{bar:>8g}{max(errors[name] for errors, _, _ in each):>9.4f}")

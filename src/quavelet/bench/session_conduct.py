@@ -45,12 +45,14 @@ def conduct(
     store: SessionStore,
     stopped: Callable[[], bool] = lambda: False,
     patience_s: float = float("inf"),
+    looks_hz: float = LOOKS_HZ,
 ) -> bool:
     """Until all steps are done; False where `stopped` says so before. Whatever ends it, what was measured is kept.
 
     patience_s   so long a step may take with nobody there. Raises CalibrationError after it, DeviceLost as the source.
+    looks_hz     how often the chip is drained and shown, more often where its FIFO needs it
     """
-    rate_hz = max(LOOKS_HZ, settings.chip.sample_rate_hz / 35.0)
+    rate_hz = max(looks_hz, settings.chip.sample_rate_hz / 35.0)
     loop = FixedStepLoop(clock, period_ns=round(NS_PER_S / rate_hz))
     asked, begun, kept_ns = 0, (-1, 0), clock.now_ns()
     fed_ns = kept_ns

@@ -54,7 +54,8 @@ class AccelerometerFit:
     residual_g        (N,) norm less 1 g of each pose, used or not
     used              indices of the poses that were not thrown out as disturbed
     rms_before_g      of the used poses' norms uncalibrated, and rms_after_g calibrated
-    placed_sigma_rad  how well the board was put on its faces, one sigma; None without faces
+    placed_sigma_rad  how well the board was put on its faces, one sigma, but for how the table leans where it was put
+                      on a face twice; None without faces
     tilt_sigma_rad    one sigma of the tilt of a board at rest, in the mean over all poses, at this temperature
     """
 
@@ -106,13 +107,13 @@ def fit_accelerometer(poses: Sequence[StillPose], *, placed: Sequence[StillPose]
     every = [*placed, *poses]
     if len(every) < 4:
         raise CalibrationError(f"{len(every)} still poses are too few: hold the board still in six directions or more")
-    axes = _axes_of(placed)
+    faces = _faces_of(placed)
     measured, noise = in_g(every), noise_of(every)[1].mean() / STANDARD_GRAVITY_M_S2
     sigma = np.sqrt(noise**2 / np.array([pose.windows for pose in every]) + FLOOR_G**2)
     used = np.ones(len(every), dtype=np.bool_)
-    placed_sigma = PLACED_RAD
+    placed_sigma = (PLACED_RAD, PLACED_RAD)
     while True:
-        fit, placed_sigma = _weighed(measured, sigma, used, axes, placed_sigma)
+        fit, placed_sigma = _weighed(measured, sigma, used, faces, placed_sigma)
         worst = _worst(fit, measured, sigma, used)
         if worst is None or (~used).sum() + 1 > MOST_OUTLIERS * len(every):
             break
@@ -131,51 +132,91 @@ def fit_accelerometer(poses: Sequence[StillPose], *, placed: Sequence[StillPose]
         offset_m_s2=vector(offset * STANDARD_GRAVITY_M_S2),
         matrix=(x, y, z),
         covariance=fit.covariance,
-        frame="faces" if len(axes) else "sensor",
+        frame="faces" if faces else "sensor",
         undetermined=_undetermined(fit),
         residual_g=tuple(norms.tolist()),
         used=tuple(np.flatnonzero(used).tolist()),
         rms_before_g=float(np.sqrt((before**2).mean())),
         rms_after_g=float(np.sqrt((norms[used] ** 2).mean())),
-        placed_sigma_rad=placed_sigma if len(axes) else None,
+        placed_sigma_rad=placed_sigma[0] if faces else None,
         tilt_sigma_rad=_tilt_sigma_rad(fit, matrix),
     )
 
 
-def _axes_of(placed: Sequence[StillPose]) -> list[int]:
-    """The axis that is upright in each placed pose. At least two, or the rotation is not known."""
-    axes = []
+def _faces_of(placed: Sequence[StillPose]) -> list[str]:
+    """The face that is up in each placed pose. At least two axes, or the rotation is not known."""
+    faces = []
     for pose in placed:
         face = face_up(pose.accel_m_s2)
         if face is None:
             raise CalibrationError("a placed pose lies on no face: put the board flat on one of its six faces")
-        axes.append("xyz".index(face[1]))
-    if placed and len(set(axes)) < 2:
+        faces.append(face)
+    if placed and len({face[1] for face in faces}) < 2:
         raise CalibrationError("one pair of faces does not show the board's axes: put it on another face, too")
-    return axes
+    return faces
+
+
+@dataclass(frozen=True, slots=True)
+class _Side:
+    """What a placed board shows sideways, which should be nothing.
+
+    weights   of each pose in it: two on one face, turned half round in between, are taken together and apart; how
+              the table leans is in the second alone
+    side      0 to 2 for x to z
+    """
+
+    weights: tuple[tuple[int, float], ...]
+    side: int
+
+
+def _sides_of(faces: list[str], used: BoolArray) -> tuple[list[_Side], list[_Side]]:
+    """Of the poses that are used: those in which the table's lean cancels, and the others."""
+    together, apart = [], []
+    kept = [int(k) for k in np.flatnonzero(used[: len(faces)])]
+    while kept:
+        first = kept.pop(0)
+        second = kept.pop(0) if kept and faces[kept[0]] == faces[first] else None
+        for side in range(3):
+            if side == "xyz".index(faces[first][1]):
+                continue
+            if second is None:
+                apart.append(_Side(((first, 1.0),), side))
+            else:
+                together.append(_Side(((first, 0.5**0.5), (second, 0.5**0.5)), side))
+                apart.append(_Side(((first, 0.5**0.5), (second, -(0.5**0.5))), side))
+    return (together, apart) if together else (apart, [])
 
 
 def _weighed(
     measured: FloatArray,
     sigma: FloatArray,
     used: BoolArray,
-    axes: list[int],
-    placed_sigma: float,
-) -> tuple[Fit, float]:
-    """The fit, and the sigma of placing: that and those of the norms become what its own residuals say."""
+    faces: list[str],
+    placed_sigma: tuple[float, float],
+) -> tuple[Fit, tuple[float, float]]:
+    """The fit, and the sigmas of placing, without and with the table: they and those of the norms become what the
+    fit's own residuals say."""
+    sides = _sides_of(faces, used)
+    together = len(sides[0])
+    placed = [*sides[0], *sides[1]]
     scale = 1.0
     norms = int(used.sum())
     for _ in range(4):
         kept = np.flatnonzero(used)
-        placed = [(int(k), axes[k]) for k in kept if k < len(axes)]
-        model = partial(
-            _rows, measured=measured, sigma=sigma * scale, kept=kept, placed=placed, placed_sigma=placed_sigma
-        )
+        by_side = np.repeat(placed_sigma, [together, len(placed) - together])
+        model = partial(_rows, measured=measured, sigma=sigma * scale, kept=kept, placed=placed, placed_sigma=by_side)
         fit = solved(model, prior_sigma=PRIOR)
         scale = fit.observed_sigma(slice(0, norms), taken=scale, assumed=1.0, weight=SURE_ROWS)
         if placed:
-            sides = slice(norms, norms + 2 * len(placed))
-            placed_sigma = fit.observed_sigma(sides, taken=placed_sigma, assumed=PLACED_RAD, weight=PLACED_ROWS)
+            one, other = (
+                fit.observed_sigma(rows, taken=taken, assumed=PLACED_RAD, weight=PLACED_ROWS)
+                for rows, taken in zip(
+                    (slice(norms, norms + together), slice(norms + together, norms + len(placed))),
+                    placed_sigma,
+                    strict=True,
+                )
+            )
+            placed_sigma = one, other
     return _with_bend(fit, measured[used], norms), placed_sigma
 
 
@@ -184,8 +225,8 @@ def _rows(
     measured: FloatArray,
     sigma: FloatArray,
     kept: IntArray,
-    placed: list[tuple[int, int]],
-    placed_sigma: float,
+    placed: list[_Side],
+    placed_sigma: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
     """Residuals and Jacobian: norms, then the sideways parts of placed poses, then the gauge where there are none."""
     offset, matrix = x[:3], np.eye(3) + x[3:].reshape(3, 3)
@@ -196,15 +237,14 @@ def _rows(
     residual = [((norm - 1.0) / sigma)[kept]]
     by_matrix = (up[:, :, None] * away[:, None, :]).reshape(-1, 9)
     jacobian = [(np.hstack([-up @ matrix, by_matrix]) / sigma[:, None])[kept]]
-    for k, axis in placed:
-        for side in range(3):
-            if side == axis:
-                continue
-            row = np.zeros(12)
-            row[:3] = -matrix[side]
-            row[3 + 3 * side : 6 + 3 * side] = away[k]
-            residual.append(np.array([force[k, side] / placed_sigma]))
-            jacobian.append(row[None] / placed_sigma)
+    for one, row_sigma in zip(placed, placed_sigma, strict=True):
+        row, off = np.zeros(12), 0.0
+        for k, weight in one.weights:
+            row[:3] -= weight * matrix[one.side]
+            row[3 + 3 * one.side : 6 + 3 * one.side] += weight * away[k]
+            off += weight * force[k, one.side]
+        residual.append(np.array([off / row_sigma]))
+        jacobian.append(row[None] / row_sigma)
     if not placed:
         for i, j in ((0, 1), (0, 2), (1, 2)):
             row = np.zeros(12)
