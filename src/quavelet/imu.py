@@ -131,7 +131,7 @@ class Imu(Closing):
                     raise
                 record, note = None, f"no calibration is used: {error}"
         if record is not None:
-            note = f"calibration of {record.made.utc} from {path}"
+            note = f"calibration of {record.in_words()} from {path}"
             note += ", with offsets in the chip" if record.offsets and not given else ""
         self._found = record, path if record else None, note
         return self.offsets

@@ -9,12 +9,13 @@ import signal
 import subprocess
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 from program import PROGRAM, Done, quavelet
 
 from hw_fakes.wire.bench import BenchBus
-from quavelet.calibration.record_file import file_name, load_record
+from quavelet.calibration.record_file import file_name, load_record, save_record
 from quavelet.cli import exits
 from quavelet.core.clock import VirtualClock
 from quavelet.core.units import DEG_PER_RAD, STANDARD_GRAVITY_M_S2
@@ -93,13 +94,55 @@ def test_a_calibration_that_is_worse_is_not_put_in_the_place_of_a_better_one_una
     better = calibrated[1].read_bytes()
     out = tmp_path / "board.toml"
     out.write_bytes(better)
-    done = quavelet(*BENCH, "--out", out, "--steps", "warm-up,rest")
+    done = quavelet(*BENCH, "--out", out, "--steps", "rest")
     assert done.code == exits.VERDICT_FAILED
-    assert "it has no accelerometer" in done.out
+    assert "its bias is known over" in done.out
     assert "nothing is saved" in done.out
     assert out.read_bytes() == better
-    done = quavelet(*BENCH, "--out", out, "--steps", "warm-up,rest", "--resume", "--force")
-    assert load_record(out).accelerometer is None
+    done = quavelet(*BENCH, "--out", out, "--steps", "rest", "--resume", "--force")
+    forced, before = load_record(out), load_record(calibrated[1])
+    assert forced.gyro_bias != before.gyro_bias
+    assert forced.accelerometer == before.accelerometer
+
+
+def test_some_steps_over_an_older_calibration_keep_what_they_do_not_measure(calibrated, tmp_path):
+    out, older = tmp_path / "board.toml", load_record(calibrated[1])
+    loose = msgspec.structs.replace(older.gyro_scale, scale_sigma=0.01)
+    save_record(msgspec.structs.replace(older, gyro_scale=loose), out)
+    done = quavelet(*BENCH, "--out", out, "--steps", "turns", "--json")
+    told = json.loads(done.out)
+    assert (done.code, told["verdict"]) == (exits.OK, "good"), done.out
+    found = {finding["name"]: finding["found"] for finding in told["findings"]}
+    for part in ("accelerometer", "gyroscope bias"):
+        assert found[part] == f"kept from {older.made.utc}"
+    record = load_record(out)
+    assert (record.accelerometer, record.gyro_bias) == (older.accelerometer, older.gyro_bias)
+    assert record.made_of("gyro_bias") == older.made
+    # Three faces do not show the gyroscope's axes: they are known from before.
+    truth = BenchBus(clock=VirtualClock(), seed=7).sensor
+    gyro = np.array(record.gyro_scale.matrix) @ (np.diag(truth.gyro_scale) + np.array(truth.gyro_cross_axis))
+    assert np.diag(gyro) == pytest.approx(1.0, abs=3e-3)
+    assert np.abs(gyro - np.diag(np.diag(gyro))).max() * DEG_PER_RAD < 0.3
+    nothing = quavelet(*BENCH, "--out", out, "--steps", "warm-up")
+    assert "nothing was measured" in nothing.out
+    assert load_record(out) == record
+
+
+def test_an_older_calibration_for_another_range_is_not_mixed_with_some_steps(calibrated, tmp_path):
+    out, older = tmp_path / "board.toml", load_record(calibrated[1])
+    save_record(msgspec.structs.replace(older, made=msgspec.structs.replace(older.made, gyro_range_dps=250)), out)
+    before = out.read_bytes()
+    done = quavelet(*BENCH, "--out", out, "--steps", "rest")
+    assert any("nothing is kept of the calibration that is there: it was made at 250 deg/s" in x for x in done.said)
+    assert (done.code, out.read_bytes()) == (exits.VERDICT_FAILED, before)
+
+
+def test_another_chips_calibration_is_not_measured_over(calibrated, tmp_path):
+    out = tmp_path / "board.toml"
+    out.write_bytes(calibrated[1].read_bytes())
+    done = quavelet("calibrate", "--bus", "fake:bench:8", "--yes", "--virtual-time", "--out", out, "--steps", "rest")
+    assert (done.code, done.out) == (exits.FAILED, "")
+    assert done.said == [f"quavelet: {out}: is the calibration of another chip: give another place with --out"]
 
 
 def test_whether_it_can_be_saved_is_known_before_anything_is_measured(tmp_path):

@@ -12,7 +12,7 @@ from quavelet.calibration.accelerometer import AccelerometerFit, fit_acceleromet
 from quavelet.calibration.calibrate import Calibrate
 from quavelet.calibration.gyro_bias import BiasFit, fit_gyro_bias
 from quavelet.calibration.magnetometer import MagnetometerFit, fit_magnetometer
-from quavelet.calibration.model import UNCALIBRATED
+from quavelet.calibration.model import UNCALIBRATED, Matrix
 from quavelet.calibration.noise import AxisNoise, noise_of
 from quavelet.calibration.poses import StillPose
 from quavelet.calibration.record import (
@@ -23,6 +23,7 @@ from quavelet.calibration.record import (
     gyro_scale_table,
     magnetometer_table,
 )
+from quavelet.calibration.record_merge import Merged, accelerometer_of, merge
 from quavelet.calibration.turns import Turn, TurnFit, fit_turns, turn_between
 from quavelet.core.errors import CalibrationError
 from quavelet.core.units import RAD_PER_DEG
@@ -39,6 +40,7 @@ class Result:
     """All fits of a session, None where there was nothing to fit, and the record they make.
 
     refused   by estimator, why it gave nothing although its step was done
+    merged    what there is to be saved: the parts made anew, and what an older calibration of the chip has beside them
     """
 
     evidence: Evidence
@@ -48,13 +50,25 @@ class Result:
     field: MagnetometerFit | None
     noise: tuple[AxisNoise, ...]
     refused: dict[str, str]
-    record: CalibrationRecord
+    merged: Merged
+
+    @property
+    def record(self) -> CalibrationRecord:
+        return self.merged.record
 
 
-def work_out(evidence: Evidence, *, utc: str, version: str) -> Result:
+def work_out(
+    evidence: Evidence,
+    *,
+    utc: str,
+    version: str,
+    older: CalibrationRecord | None = None,
+    even_if_worse: bool = False,
+) -> Result:
     """Every fit that the evidence allows. Those that fail are named in `refused`, and leave their part uncalibrated.
 
-    utc, version   when and by what it was made, for the record
+    utc, version           when and by what it was made, for the record
+    older, even_if_worse   a calibration of the same chip, set the same way, and what to keep of it: see `merge`
     """
     refused: dict[str, str] = {}
     accel = turns = field = None
@@ -63,11 +77,18 @@ def work_out(evidence: Evidence, *, utc: str, version: str) -> Result:
             accel = fit_accelerometer(evidence.poses, placed=evidence.placed)
         except CalibrationError as error:
             refused["accelerometer"] = str(error)
+    # Turns without faces are seen by the accelerometer as it is known from before.
+    level = accel or (accelerometer_of(older.accelerometer) if older and older.accelerometer else None)
     poses = every_pose(evidence)
-    bias = fit_gyro_bias([accel.pose(pose) if accel else pose for pose in poses]) if poses else None
+    bias = fit_gyro_bias([level.pose(pose) if level else pose for pose in poses]) if poses else None
     if bias is not None and (evidence.told or (evidence.moves and accel is not None)):
         try:
-            turns = fit_turns(_turns(evidence, accel, bias), bias_sigma_rad_s=BIAS_SIGMA_RAD_S, accelerometer=accel)
+            turns = fit_turns(
+                _turns(evidence, level, bias),
+                bias_sigma_rad_s=BIAS_SIGMA_RAD_S,
+                accelerometer=level,
+                axes=_axes_known(older) if accel is None else None,
+            )
         except CalibrationError as error:
             # Moves that nobody asked for may show no scale; turns that were asked for have to.
             if evidence.told:
@@ -81,8 +102,9 @@ def work_out(evidence: Evidence, *, utc: str, version: str) -> Result:
             field = fit_magnetometer(np.array(evidence.field_ut))
         except CalibrationError as error:
             refused["magnetometer"] = str(error)
-    record = _record(evidence, (utc, version), accel, bias, turns, field)
-    return Result(evidence, accel, bias, turns, field, _noise(evidence), refused, record)
+    fresh = _record(evidence, (utc, version), accel, bias, turns, field)
+    merged = merge(fresh, older, even_if_worse=even_if_worse)
+    return Result(evidence, accel, bias, turns, field, _noise(evidence), refused, merged)
 
 
 def every_pose(evidence: Evidence) -> list[StillPose]:
@@ -91,6 +113,13 @@ def every_pose(evidence: Evidence) -> list[StillPose]:
     held_out = {pose.begin_ns for pose in evidence.check}
     every = {pose.begin_ns: pose for pose in (*evidence.rest, *evidence.placed, *evidence.poses, *ends)}
     return [every[begin] for begin in sorted(every) if begin not in held_out]
+
+
+def _axes_known(older: CalibrationRecord | None) -> tuple[Matrix, Matrix] | None:
+    """The gyroscope's axes by an older calibration, which must be that of the accelerometer as well."""
+    if older is None or older.gyro_scale is None or older.accelerometer is None:
+        return None
+    return older.gyro_scale.matrix, older.gyro_scale.matrix_sigma
 
 
 def _turns(evidence: Evidence, accel: AccelerometerFit | None, bias: BiasFit) -> list[Turn]:

@@ -17,6 +17,8 @@ from quavelet.core.units import DEG_PER_RAD, RAD_PER_DEG, STANDARD_GRAVITY_M_S2
 
 GOOD_G = 0.005
 """Makes 0.3 deg of tilt; the data sheet allows 50 to 80 mg (PS 6.2)."""
+GOOD_TILT_DEG = 0.12
+"""One sigma of tilt by faces that the board was put on; in the worst of all attitudes it is 0.3 deg."""
 GOOD_DPS = 0.05
 """What the bias may be off by at rest within the session; the data sheet allows 20 deg/s (PS 6.1)."""
 PER_G_DPS = 0.1
@@ -72,35 +74,44 @@ def verdict(result: Result) -> list[Finding]:
     found += _beyond_sheet(result)
     if not found:
         found.append(Finding(name="calibration", ok=False, found="nothing was measured", advice="take more steps"))
-    return found
+    return [*found, *_kept(result)]
 
 
 def _accelerometer(result: Result, calibration: ImuCalibration, check: list[StillPose]) -> Finding:
     if not check:
         return _unchecked("accelerometer")
-    before, after = (
-        float(np.sqrt(((np.linalg.norm(forces_g(check, one), axis=1) - 1.0) ** 2).mean()))
-        for one in (UNCALIBRATED, calibration)
-    )
+    before, after = (_off_g(check, one) for one in (UNCALIBRATED, calibration))
     worse = after > before and after > GOOD_G / 5
     assert result.accel is not None, "judged only where it is"
     missing = result.accel.undetermined
+    tilt_deg = result.accel.tilt_sigma_rad * DEG_PER_RAD
+    # The norms of any poses do not show that the faces were met badly; how they agree does.
+    astray = result.accel.frame == "faces" and tilt_deg > GOOD_TILT_DEG
     advice = ""
-    if worse or after > GOOD_G:
+    if astray:
+        advice = (
+            f"its faces do not agree, and leave {tilt_deg:.2f} deg of tilt (one sigma): put it on them flat, against "
+            "something square, with nothing under it"
+        )
+    elif worse or after > GOOD_G:
         advice = "put the board on its faces more exactly, hold it stiller, and calibrate once more"
     elif missing:
         advice = f"not shown by these poses, and left as they were: {', '.join(missing)}; more poses show them"
     return Finding(
         name="accelerometer",
-        ok=not worse and after <= GOOD_G,
+        ok=not worse and after <= GOOD_G and not astray,
         found=f"1 g within {1e3 * after:.1f} mg rms in {len(check)} poses held out, {1e3 * before:.1f} mg before",
         advice=advice,
         figures={
             "before_mg": round(1e3 * before, 3),
             "after_mg": round(1e3 * after, 3),
-            "tilt_sigma_deg": round(result.accel.tilt_sigma_rad * DEG_PER_RAD, 4),
+            "tilt_sigma_deg": round(tilt_deg, 4),
         },
     )
+
+
+def _off_g(poses: list[StillPose], calibration: ImuCalibration) -> float:
+    return float(np.sqrt(((np.linalg.norm(forces_g(poses, calibration), axis=1) - 1.0) ** 2).mean()))
 
 
 def _bias(result: Result, calibration: ImuCalibration, check: list[StillPose]) -> Finding:
@@ -139,6 +150,24 @@ def _scale(result: Result) -> Finding:
         advice="" if ok else "the turns do not agree: turn on a flat table, against an edge, and back to it exactly",
         figures={"sigma_percent": round(100 * sigma, 4), "largest_percent": round(100 * float(off), 4)},
     )
+
+
+def _kept(result: Result) -> Iterator[Finding]:
+    """What is an older calibration's: not judged, but told where the poses of this session contradict it."""
+    merged, check = result.merged, result.evidence.check
+    for part in merged.kept:
+        found = f"kept from {result.record.made_of(part).utc}"
+        found += f"; of the one made anew: {merged.worse[part]}" if part in merged.worse else ""
+        off_g = _off_g(check, result.record.calibration()) if part == "accelerometer" and check else 0.0
+        contradicted = f"1 g is {1e3 * off_g:.0f} mg off by it: calibrate it anew, by the steps 'faces' and 'poses'"
+        advice = contradicted if off_g > GOOD_G else ""
+        yield Finding(name=_full(part), ok=True, found=found, advice=advice)
+    for part, why in merged.left.items():
+        yield Finding(name=_full(part), ok=False, found="the older one cannot be kept beside this", advice=why)
+
+
+def _full(part: str) -> str:
+    return part.replace("gyro_", "gyroscope ")
 
 
 def _unchecked(name: str) -> Finding:

@@ -58,6 +58,9 @@ def check_sane(tables: Mapping[str, object]) -> None:
         if isinstance(table, dict):
             for key, value in table.items():
                 _check(f"{name}.{key}", value)
+    kept = tables.get("kept")
+    for made in kept.values() if isinstance(kept, dict) else ():
+        check_sane({"made": made})
     for name in ("made", "gyro_bias"):
         table = tables.get(name)
         if isinstance(table, dict) and not table["lowest_degc"] <= table["highest_degc"]:

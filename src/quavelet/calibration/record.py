@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from math import inf
-
 import msgspec
 import numpy as np
 
@@ -120,22 +118,59 @@ class OffsetsTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     gyro: tuple[int, int, int]
 
 
+class KeptTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """When and how the parts were made that are older than the record; None for those that are as old."""
+
+    accelerometer: Made | None = None
+    gyro_bias: Made | None = None
+    gyro_scale: Made | None = None
+    magnetometer: Made | None = None
+
+
+PARTS = ("accelerometer", "gyro_bias", "gyro_scale", "magnetometer")
+
+
 class CalibrationRecord(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """All of a file; parts that were not calibrated are None."""
+    """All of a file; parts that were not calibrated are None. `made` is of those that `kept` does not name."""
 
     chip: ChipIdentity
     made: Made
+    kept: KeptTable | None = None
     accelerometer: AccelerometerTable | None = None
     gyro_bias: GyroBiasTable | None = None
     gyro_scale: GyroScaleTable | None = None
     magnetometer: MagnetometerTable | None = None
     offsets: OffsetsTable | None = None
 
+    def has(self, part: str) -> bool:
+        """Whether this part of PARTS was calibrated."""
+        return getattr(self, part) is not None
+
+    def made_of(self, part: str) -> Made:
+        """When and how this part of PARTS was made."""
+        kept: Made | None = getattr(self.kept, part) if self.kept else None
+        return kept or self.made
+
+    def in_words(self) -> str:
+        """Its date, and those of the parts that are older."""
+        older = [
+            f"{in_words(part)} of {self.made_of(part).utc}"
+            for part in PARTS
+            if self.has(part) and self.made_of(part) != self.made
+        ]
+        return f"{self.made.utc} ({', '.join(older)})" if older else self.made.utc
+
+    def span_degc(self) -> tuple[float, float]:
+        """The temperatures at which all of its inertial parts were made."""
+        every = [self.made_of(part) for part in PARTS[:3] if self.has(part)] or [self.made]
+        return max(made.lowest_degc for made in every), min(made.highest_degc for made in every)
+
     def calibration(self) -> ImuCalibration:
         """As the pipeline takes it; what was not calibrated is as in an uncalibrated chip."""
         accel, bias, scale, magnetometer = self.accelerometer, self.gyro_bias, self.gyro_scale, self.magnetometer
         curve = None if bias is None else _curve(bias)
         known = curve is not None and curve.is_known
+        lowest_degc, highest_degc = self.span_degc()
         return ImuCalibration(
             gyro_bias_curve=curve,
             gyro_matrix=scale.matrix if scale else IDENTITY,
@@ -150,8 +185,8 @@ class CalibrationRecord(msgspec.Struct, frozen=True, kw_only=True, forbid_unknow
             gyro_bias_sigma_rad_s_degc=(
                 curve.slope_sigma_rad_s_degc if curve and known else UNCALIBRATED.gyro_bias_sigma_rad_s_degc
             ),
-            lowest_degc=self.made.lowest_degc - MARGIN_DEGC,
-            highest_degc=self.made.highest_degc + MARGIN_DEGC,
+            lowest_degc=lowest_degc - MARGIN_DEGC,
+            highest_degc=highest_degc + MARGIN_DEGC,
             magnetometer=None
             if magnetometer is None
             else MagnetometerCalibration(
@@ -197,30 +232,42 @@ class CalibrationRecord(msgspec.Struct, frozen=True, kw_only=True, forbid_unknow
             )
 
 
+_SIGMA_OF = {
+    "accelerometer": "sigma_m_s2",
+    "gyro_bias": "sigma_rad_s",
+    "gyro_scale": "scale_sigma",
+    "magnetometer": "field_sigma",
+}
+
+
+def in_words(part: str) -> str:
+    return part.replace("_", " ")
+
+
 def reasons_worse(new: CalibrationRecord, *, than: CalibrationRecord) -> tuple[str, ...]:
     """What `than` has or knows better than the new record, in words; none where the new one may take its place."""
-    reasons = [
-        f"it has no {name.replace('_', ' ')}"
-        for name in ("accelerometer", "gyro_bias", "gyro_scale", "magnetometer")
-        if getattr(than, name) is not None and getattr(new, name) is None
-    ]
-    for name, field in (
-        ("accelerometer", "sigma_m_s2"),
-        ("gyro_bias", "sigma_rad_s"),
-        ("gyro_scale", "scale_sigma"),
-        ("magnetometer", "field_sigma"),
-    ):
-        old_table, new_table = getattr(than, name), getattr(new, name)
-        if old_table is None or new_table is None:
-            continue
-        ratio = getattr(new_table, field) / max(getattr(old_table, field), 1e-12)
-        if ratio > 1.25:
-            reasons.append(f"its {name.replace('_', ' ')} is {ratio:.1f} times less sure")
-    old_span, new_span = (
-        r.gyro_bias.highest_degc - r.gyro_bias.lowest_degc if r.gyro_bias else inf for r in (than, new)
-    )
-    if old_span < inf and new_span < 0.8 * old_span:
-        reasons.append(f"its bias is known over {new_span:.0f} degC, not over {old_span:.0f}")
+    missing = [f"it has no {in_words(part)}" for part in PARTS if than.has(part) and not new.has(part)]
+    return (*missing, *(reason for part in PARTS for reason in part_worse(part, new, than=than)))
+
+
+def part_worse(part: str, new: CalibrationRecord, *, than: CalibrationRecord) -> tuple[str, ...]:
+    """In what one of PARTS is worse, in words; nothing where one of the two has none."""
+    old_table, new_table = getattr(than, part), getattr(new, part)
+    if old_table is None or new_table is None:
+        return ()
+    reasons = []
+    ratio = getattr(new_table, _SIGMA_OF[part]) / max(getattr(old_table, _SIGMA_OF[part]), 1e-12)
+    if ratio > 1.25:
+        reasons.append(f"its {in_words(part)} is {ratio:.1f} times less sure")
+    if part in ("accelerometer", "gyro_scale"):
+        hidden = [name for name in new_table.undetermined if name not in old_table.undetermined]
+        reasons += [f"its {in_words(part)} does not show {', '.join(hidden)}"] if hidden else []
+    if part == "accelerometer" and (old_table.frame, new_table.frame) == ("faces", "sensor"):
+        reasons.append("its axes are the sensor's, not those of the board's faces")
+    if part == "gyro_bias":
+        old_span, new_span = (table.highest_degc - table.lowest_degc for table in (old_table, new_table))
+        if new_span < 0.8 * old_span:
+            reasons.append(f"its bias is known over {new_span:.0f} degC, not over {old_span:.0f}")
     return tuple(reasons)
 
 

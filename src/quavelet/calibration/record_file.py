@@ -31,12 +31,10 @@ SYSTEM_FOLDER = Path("/etc/quavelet/calibration")
 
 def as_toml(record: CalibrationRecord) -> str:
     """The file's text. Raises CalibrationError for a value that would be refused on loading."""
-    tables = {name: table for name, table in _builtins(record).items() if table is not None}
+    tables = {name: _given(table) for name, table in _builtins(record).items() if table is not None}
     check_finite(tables)
     check_sane(tables)
-    body = "\n".join(
-        f"\n[{name}]\n" + "\n".join(_line(*item) for item in table.items()) for name, table in tables.items()
-    )
+    body = "\n".join(_table(name, table) for name, table in tables.items())
     digest = digest_of(tomllib.loads(body))
     head = "# A calibration of quavelet; each value has its unit in its name."
     return f'{head}\nformat = {FORMAT}\ndigest = "{digest}"\n{body}\n'
@@ -76,6 +74,16 @@ def load_record(path: Path) -> CalibrationRecord:
         raise CalibrationError(f"{path}: it is not TOML (not UTF-8): calibrate anew") from error
     except OSError as error:
         raise CalibrationError(f"{path}: cannot be read ({error.strerror}): give the path of a calibration") from error
+
+
+def check_same_chip(path: Path, chip: ChipIdentity) -> None:
+    """Raises CalibrationError where the file holds another chip's calibration, which is not to be lost."""
+    try:
+        there = load_record(path).chip if path.exists() else chip
+    except CalibrationError:
+        return  # What cannot be used is no loss.
+    if there.fingerprint != chip.fingerprint or there.who_am_i != chip.who_am_i:
+        raise CalibrationError(f"{path}: is the calibration of another chip: give another place with --out")
 
 
 def save_record(record: CalibrationRecord, path: Path, *, even_if_worse: bool = False) -> None:
@@ -158,14 +166,13 @@ def find_record(chip: ChipIdentity, environment: Mapping[str, str] | None = None
 
 
 def _refuse_worse(record: CalibrationRecord, path: Path) -> None:
-    if not path.exists():
-        return
+    check_same_chip(path, record.chip)
     try:
-        old = load_record(path)
+        old = load_record(path) if path.exists() else None
     except CalibrationError:
         return  # What cannot be used is not better.
-    if old.chip.fingerprint != record.chip.fingerprint or old.chip.who_am_i != record.chip.who_am_i:
-        raise CalibrationError(f"{path}: is the calibration of another chip: give another place with --out")
+    if old is None:
+        return
     reasons = reasons_worse(record, than=old)
     if reasons:
         raise CalibrationError(
@@ -206,6 +213,17 @@ def _written(path: Path, content: bytes) -> Path:
 
 def _builtins(record: CalibrationRecord) -> dict[str, dict[str, object] | None]:
     return msgspec.json.decode(msgspec.json.encode(record), type=dict[str, dict[str, object] | None])
+
+
+def _given(table: dict[str, object]) -> dict[str, object]:
+    return {key: value for key, value in table.items() if value is not None}
+
+
+def _table(name: str, table: Mapping[str, object]) -> str:
+    """A table, and after it those that stand in it."""
+    inner = {key: value for key, value in table.items() if isinstance(value, dict)}
+    lines = [_line(key, value) for key, value in table.items() if key not in inner]
+    return "\n".join([f"\n[{name}]", *lines, *(_table(f"{name}.{key}", value) for key, value in inner.items())])
 
 
 def _line(key: str, value: object) -> str:

@@ -8,7 +8,7 @@ must be known: whole turns against an edge. Turns both ways cancel what is left 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -99,19 +99,25 @@ def fit_turns(
     bias_sigma_rad_s: float,
     angle_sigma_rad: float = ANGLE_SIGMA_RAD,
     accelerometer: AccelerometerFit | None = None,
+    axes: tuple[Matrix, Matrix] | None = None,
 ) -> TurnFit:
     """Scale and misalignment of the gyroscope, in the axes of the accelerometer.
 
     bias_sigma_rad_s   one sigma of the bias that was taken off the rates
     angle_sigma_rad    of the angles that are said to be known
     accelerometer      by which gravity was seen: what it is off, all turns are, and the sigmas have it
+    axes               a matrix from before, and its sigmas: of it the axes are believed, and the scale is found anew
 
     Raises CalibrationError where no axis' scale is found.
     """
     if not turns:
         raise CalibrationError("no turn shows the gyroscope's scale: turn the board about each of its axes")
     used, trust = list(range(len(turns))), Trust(TILT_SIGMA_RAD, angle_sigma_rad)
-    prior = np.append(PRIOR, np.full(3, bias_sigma_rad_s))
+    prior, before = np.append(PRIOR, np.full(3, bias_sigma_rad_s)), np.eye(3)
+    if axes is not None:
+        before, across = np.array(axes[0]), np.flatnonzero(~np.eye(3, dtype=np.bool_))
+        prior[across] = np.clip(np.ravel(axes[1])[across], 1e-6, prior[across])
+        turns = [replace(turn, rate_rad_s=turn.rate_rad_s @ before.T) for turn in turns]
     while True:
         fit = solved(partial(_all_rows, turns=[turns[k] for k in used], trust=trust), prior_sigma=prior)
         size = np.array([np.abs(_rows(turns[k], fit.value, trust)[0]).max() for k in used])
@@ -144,7 +150,7 @@ def fit_turns(
     wanting = tuple(n for n, s, limit in zip(NAMES, sigma, LIMITS, strict=True) if s > DETERMINED * limit)
     if sum(name.startswith("scale") for name in wanting) == 3:
         raise CalibrationError("the turns show no axis' scale: turn the board by 360 degrees about each of its axes")
-    x, y, z = (vector(row) for row in np.eye(3) + fit.value[:9].reshape(3, 3))
+    x, y, z = (vector(row) for row in (np.eye(3) + fit.value[:9].reshape(3, 3)) @ before)
     return TurnFit(
         matrix=(x, y, z),
         covariance=covariance,

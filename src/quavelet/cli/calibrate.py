@@ -18,6 +18,7 @@ from quavelet.bench.finding import Finding
 from quavelet.bench.session import STEPS, USUAL, Session, with_check
 from quavelet.bench.session_conduct import conduct
 from quavelet.bench.session_evidence import Chip, Evidence
+from quavelet.bench.session_older import older_of
 from quavelet.bench.session_recorded import SHOWN, evidence_of
 from quavelet.bench.session_report import write_report
 from quavelet.bench.session_result import Result, work_out
@@ -26,7 +27,14 @@ from quavelet.bench.session_verdict import verdict
 from quavelet.bus.open import open_bus
 from quavelet.bus.protocol import FollowsInstructions, I2CBus
 from quavelet.calibration.record import CalibrationRecord, ChipIdentity, OffsetsTable, reasons_worse
-from quavelet.calibration.record_file import check_writable, default_path, from_toml, load_record, save_record
+from quavelet.calibration.record_file import (
+    check_same_chip,
+    check_writable,
+    default_path,
+    from_toml,
+    load_record,
+    save_record,
+)
 from quavelet.cli import exits, options
 from quavelet.cli.calibrate_operator import operator_for
 from quavelet.cli.doctor import show_lines
@@ -139,11 +147,22 @@ def calibrate(
         else:
             clock: Clock = VirtualClock() if options.on_virtual_time(settings, virtual_time) else MonotonicClock()
             i2c = stack.enter_context(open_bus(settings.bus.name, clock=clock))
-            evidence, out, store = _measured(i2c, settings, clock, names, out, yes=yes, quiet=json, resume=resume)
+            evidence, out, store = _measured(
+                i2c, settings, clock, names, out, yes=yes, quiet=json, resume=resume, force=force
+            )
             src = settings.bus.name
             if write_offsets:
                 in_chip = partial(chip_offsets.write_offsets, i2c, settings=settings, clock=clock, tell=talk)
-        result = work_out(evidence, utc=datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"), version=version("quavelet"))
+        older, unfit = older_of(out, evidence.chip)
+        if unfit:
+            talk(f"nothing is kept of the calibration that is there: {unfit}")
+        result = work_out(
+            evidence,
+            utc=datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
+            version=version("quavelet"),
+            older=older,
+            even_if_worse=force,
+        )
         code = _ended(result, out, store, in_chip, src=src, json=json, force=force, report=report)
     raise typer.Exit(code)
 
@@ -168,6 +187,7 @@ def _measured(
     yes: bool,
     quiet: bool,
     resume: bool,
+    force: bool,
 ) -> tuple[Evidence, Path, SessionStore]:
     """The whole session on a board. Raises Exit where it was stopped, ImuError where it cannot go on."""
     if isinstance(i2c, FollowsInstructions) and not yes:
@@ -185,6 +205,8 @@ def _measured(
     chip = _chip(i2c, source.wait_until_streaming(), settings, clock)
     out = out or default_path(chip.identity)
     check_writable(out)
+    if not force:
+        check_same_chip(out, chip.identity)
     store = SessionStore(out)
     evidence = _begun(store, chip, resume=resume)
     session, stop = Session(names, evidence), _Stop()
@@ -327,12 +349,14 @@ def _ended(
     """
     findings, record, failure = verdict(result), result.record, None
     bad = [finding.name for finding in findings if not finding.ok]
-    worse = _worse(record, out)
+    worse = _worse(result, out)
     word = "not good enough" if bad else "worse" if worse else "good"
     reason = ""
     if (bad or worse) and not force:
         reason = f"not good enough: {', '.join(bad)}" if bad else f"the one at {out} is better: {worse}"
         reason += "; nothing is saved (--resume --force does, without measuring again)"
+    elif not result.merged.fresh:
+        reason = "these steps calibrate nothing, so nothing is saved"
     saved = None
     if not reason:
         try:
@@ -346,7 +370,8 @@ def _ended(
             if store is not None:
                 _tell_kept(store)
             raise
-    if store is not None and saved and failure is None:
+    finished = failure is None and (saved is not None or not (bad or worse))
+    if store is not None and finished:
         store.forget()
     if report is not None:
         write_report(report, result, findings, src=src, verdict=word, saved=saved, reason=reason)
@@ -357,7 +382,7 @@ def _ended(
     else:
         for finding in [*findings, _summary(told)]:
             show_lines(finding)
-    if (reason or failure) and store is not None:
+    if store is not None and not finished:
         _tell_kept(store, then=MORE if reason else RESUME)
     if failure is not None:
         return exits.exit_code(failure)
@@ -385,19 +410,22 @@ def _put_in_chip(
     return record, finding, None
 
 
-def _worse(record: CalibrationRecord, out: Path) -> str:
+def _worse(result: Result, out: Path) -> str:
     """What the calibration of the same chip that is there has on this one; "" where nothing, or there is none."""
+    merged = result.merged
+    if merged.worse and not merged.fresh:
+        return ", ".join(merged.worse.values())
     try:
         old = load_record(out) if out.exists() else None
     except CalibrationError:
         return ""
-    if old is None or old.chip != record.chip:
+    if old is None or old.chip != result.record.chip:
         return ""
-    return ", ".join(reasons_worse(record, than=old))
+    return ", ".join(reasons_worse(result.record, than=old))
 
 
 def _summary(told: Calibrated) -> Finding:
     fake = " (of a fake chip: NOT A REAL ONE)" if "fake:" in told.src else ""
     if told.saved is None:
-        return Finding(name="verdict", ok=False, found=told.reason)
+        return Finding(name="verdict", ok=told.verdict == "good", found=told.reason)
     return Finding(name="verdict", ok=True, found=f"{told.verdict}{fake}; saved as {told.saved}")
