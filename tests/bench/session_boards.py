@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import sys
 import tempfile
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -137,25 +137,35 @@ SPOILT = (
 )
 
 
-def table(seeds: Iterable[int], folder: Path) -> tuple[list[Judged], dict[str, list[Judged]]]:
+@dataclass(frozen=True)
+class Table:
+    """95 % points and coverage as `show` gives them, and each board as it was judged: well measured, and spoilt."""
+
+    points: dict[str, float]
+    covered: dict[str, float]
+    well: list[Judged]
+    spoilt: dict[str, list[Judged]]
+
+
+def table(seeds: Iterable[int], folder: Path, *, spoilt_by: Sequence[Spoilt] = SPOILT) -> Table:
     """Each board as it was measured, and as it would have been with each thing that goes wrong; printed."""
     well: list[Judged] = []
-    spoilt: dict[str, list[Judged]] = {kind.name: [] for kind in SPOILT}
+    spoilt: dict[str, list[Judged]] = {kind.name: [] for kind in spoilt_by}
     for seed in seeds:
         evidence, truth = measured(seed, folder)
         well.append(judged(evidence, truth))
         kept = msgspec.msgpack.encode(evidence)
-        for kind in SPOILT:
+        for kind in spoilt_by:
             copy = msgspec.msgpack.decode(kept, type=Evidence)
             kind.spoil(copy, np.random.default_rng([7, seed]))
             spoilt[kind.name].append(judged(copy, truth, kind))
-    show([one.errors for one in well], "led through the whole session")
+    points, covered = show([one.errors for one in well], "led through the whole session")
     print(f"\n{'the verdict':<38}{'good':>8}{'refused':>9}{'bad':>8}{'let pass':>10}")
     for name, boards in {"as it should be": well, **spoilt}.items():
         good = [bool(one.refused) for one in boards if one.good]
         bad = [not one.refused for one in boards if not one.good]
         print(f"{name:<38}{len(good):>8}{sum(good):>9}{len(bad):>8}{sum(bad):>10}")
-    return well, spoilt
+    return Table(points, covered, well, spoilt)
 
 
 if __name__ == "__main__":

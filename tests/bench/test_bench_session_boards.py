@@ -2,44 +2,27 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
-from session_rig import Bench
-
-from quavelet.bench.session import USUAL
-from quavelet.bench.session_result import work_out
-from quavelet.bench.session_verdict import verdict
-from quavelet.core.units import DEG_PER_RAD, STANDARD_GRAVITY_M_S2
-
-COLUMNS = ("accel offset, mg", "accel scale, %", "accel axes, deg", "bias, deg/s", "gyro scale, %", "gyro axes, deg")
-LIMITS = (3.0, 0.3, 0.2, 0.01, 0.3, 0.2)
+from session_boards import FIRST, SPOILT, table
 
 
-def errors_of(seed: int, out) -> list[float]:
-    """What is left of each error of one board once the session is over, the worst axis."""
-    bench = Bench(USUAL, out=out, seed=seed)
-    assert bench.conduct()
-    result = work_out(bench.evidence, utc="2026-01-01T00:00:00Z", version="0")
-    assert all(finding.ok for finding in verdict(result))
-    found, truth = result.record.calibration(), bench.bus.sensor
-    t_s = np.array([bench.bus.chip.world_time_s(bench.clock.now_ns())])
-    bias = found.gyro_bias_curve.at(truth.temperature_degc(t_s)) - bench.bus.chip.source.gyro_bias_rad_s(t_s)
-    offset = np.array(found.accel_offset_m_s2) - bench.bus.chip.source.accel_bias_m_s2(t_s)[0]
-    errors = [1e3 * np.abs(offset).max() / STANDARD_GRAVITY_M_S2]
-    for matrix, scale, across in (
-        (found.accel_matrix, truth.accel_scale, truth.accel_cross_axis),
-        (found.gyro_matrix, truth.gyro_scale, truth.gyro_cross_axis),
-    ):
-        left = np.array(matrix) @ (np.diag(scale) + np.array(across)) - np.eye(3)
-        errors += [100 * np.abs(np.diag(left)).max(), DEG_PER_RAD * np.abs(left - np.diag(np.diag(left))).max()]
-        if len(errors) == 3:
-            errors.append(float(DEG_PER_RAD * np.abs(bias).max()))
-    return errors
+def test_the_tool_finds_the_truth_of_drawn_boards_and_calls_them_good(tmp_path):
+    found = table(range(FIRST, FIRST + 6), tmp_path, spoilt_by=())
+    assert all(board.good and not board.refused for board in found.well)
+    assert min(found.covered.values()) > 0.8, found.covered
 
 
-@pytest.mark.parametrize("boards", [1, pytest.param(20, marks=pytest.mark.slow)])
-def test_the_tool_finds_the_truth_of_drawn_boards(boards, tmp_path):
-    table = np.array([errors_of(seed, tmp_path / f"{seed}") for seed in range(100, 100 + boards)])
-    for name, limit, column in zip(COLUMNS, LIMITS, table.T, strict=True):
-        print(f"{name:<18} limit {limit:<5g} 95 % below {np.percentile(column, 95):.3f}, most {column.max():.3f}")
-    assert (np.percentile(table, 95, axis=0) < LIMITS).all()
+def test_what_no_step_sees_the_verdict_does(tmp_path):
+    found = table([FIRST + 1], tmp_path)
+    for kind in SPOILT:
+        for board in found.spoilt[kind.name]:
+            assert board.good == (not board.refused), kind.name
+    assert {kind.name for kind in SPOILT if not found.spoilt[kind.name][0].good}
+
+
+@pytest.mark.slow
+def test_two_hundred_boards_are_within_the_bars_their_sigmas_are_true_and_the_verdict_is_just(tmp_path):
+    found = table(range(FIRST, FIRST + 200), tmp_path)
+    assert sum(board.good for board in found.well) >= 190
+    assert all(0.90 <= share <= 0.99 for share in found.covered.values()), found.covered
+    assert sum(bool(board.refused) for board in found.well if board.good) <= 4

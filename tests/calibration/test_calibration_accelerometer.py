@@ -99,6 +99,19 @@ def test_faces_put_down_badly_are_said_to_be():
     assert np.degrees(fit.tilt_sigma_rad) > 0.2
 
 
+def test_a_table_that_leans_leaves_no_doubt_where_the_board_was_turned_half_round():
+    shown, zero_g = any_board(6)
+    lean = np.radians(2.0) * np.roll(np.abs(SIX), 1, axis=1)
+    placed = np.vstack([SIX + lean, SIX - lean]) / np.hypot(1.0, np.radians(2.0))
+    fit = fit_accelerometer(
+        poses_of(sphere_points(24), shown=shown, zero_g=zero_g),
+        placed=poses_of(placed, shown=shown, zero_g=zero_g),
+    )
+    assert np.abs(np.array(fit.matrix) @ shown - np.eye(3)).max() < 0.001
+    assert np.degrees(fit.placed_sigma_rad) < 0.2
+    assert np.degrees(fit.tilt_sigma_rad) < 0.1
+
+
 def test_what_exact_faces_do_not_show_by_their_norms_is_named():
     fit = fit_accelerometer(poses_of(SIX))
     assert set(fit.undetermined) == {f"misalignment {a}{b}" for a in "xyz" for b in "xyz" if a != b}

@@ -175,7 +175,9 @@ def _sides_of(faces: list[str], used: BoolArray) -> tuple[list[_Side], list[_Sid
     kept = [int(k) for k in np.flatnonzero(used[: len(faces)])]
     while kept:
         first = kept.pop(0)
-        second = kept.pop(0) if kept and faces[kept[0]] == faces[first] else None
+        second = next((k for k in kept if faces[k] == faces[first]), None)
+        if second is not None:
+            kept.remove(second)
         for side in range(3):
             if side == "xyz".index(faces[first][1]):
                 continue
