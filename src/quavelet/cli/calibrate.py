@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import ExitStack
-from datetime import UTC, datetime
 from functools import partial
-from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated
 
@@ -18,21 +16,20 @@ from quavelet.bench.finding import Finding
 from quavelet.bench.session import STEPS, USUAL, Session, with_check
 from quavelet.bench.session_conduct import conduct
 from quavelet.bench.session_evidence import Chip, Evidence
-from quavelet.bench.session_older import older_of
+from quavelet.bench.session_older import why_worse, work_out_over
 from quavelet.bench.session_recorded import SHOWN, evidence_of
 from quavelet.bench.session_report import write_report
-from quavelet.bench.session_result import Result, work_out
+from quavelet.bench.session_result import Result
 from quavelet.bench.session_store import SessionStore
 from quavelet.bench.session_verdict import verdict
 from quavelet.bus.open import open_bus
 from quavelet.bus.protocol import FollowsInstructions, I2CBus
-from quavelet.calibration.record import CalibrationRecord, ChipIdentity, OffsetsTable, reasons_worse
+from quavelet.calibration.record import CalibrationRecord, ChipIdentity, OffsetsTable
 from quavelet.calibration.record_file import (
     check_same_chip,
     check_writable,
     default_path,
     from_toml,
-    load_record,
     save_record,
 )
 from quavelet.cli import exits, options
@@ -153,16 +150,7 @@ def calibrate(
             src = settings.bus.name
             if write_offsets:
                 in_chip = partial(chip_offsets.write_offsets, i2c, settings=settings, clock=clock, tell=talk)
-        older, unfit = older_of(out, evidence.chip)
-        if unfit:
-            talk(f"nothing is kept of the calibration that is there: {unfit}")
-        result = work_out(
-            evidence,
-            utc=datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
-            version=version("quavelet"),
-            older=older,
-            even_if_worse=force,
-        )
+        result = work_out_over(evidence, out, even_if_worse=force, tell=talk)
         code = _ended(result, out, store, in_chip, src=src, json=json, force=force, report=report)
     raise typer.Exit(code)
 
@@ -349,7 +337,7 @@ def _ended(
     """
     findings, record, failure = verdict(result), result.record, None
     bad = [finding.name for finding in findings if not finding.ok]
-    worse = _worse(result, out)
+    worse = why_worse(result, out)
     word = "not good enough" if bad else "worse" if worse else "good"
     reason = ""
     if (bad or worse) and not force:
@@ -408,20 +396,6 @@ def _put_in_chip(
         return record, finding, error
     save_record(record, out, even_if_worse=True)
     return record, finding, None
-
-
-def _worse(result: Result, out: Path) -> str:
-    """What the calibration of the same chip that is there has on this one; "" where nothing, or there is none."""
-    merged = result.merged
-    if merged.worse and not merged.fresh:
-        return ", ".join(merged.worse.values())
-    try:
-        old = load_record(out) if out.exists() else None
-    except CalibrationError:
-        return ""
-    if old is None or old.chip != result.record.chip:
-        return ""
-    return ", ".join(reasons_worse(result.record, than=old))
 
 
 def _summary(told: Calibrated) -> Finding:
