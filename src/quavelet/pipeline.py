@@ -5,14 +5,18 @@ from __future__ import annotations
 import logging
 from dataclasses import dataclass, replace
 
+import msgspec
+import numpy as np
+
 from quavelet.attitude.doubt import Residual
-from quavelet.attitude.heading import Heading, HeadingState
+from quavelet.attitude.heading import Heading, HeadingParams, HeadingState
 from quavelet.attitude.params import FilterState
 from quavelet.calibration.calibrate import Calibrate
 from quavelet.calibration.model import UNCALIBRATED, ImuCalibration
 from quavelet.calibration.still_bias import StillBias, StillBiasState
 from quavelet.core.blocks import AttitudeBlock, RawBlock
 from quavelet.core.flow import AttitudeFilter
+from quavelet.core.mounting import AS_THE_CHIP, rotation
 from quavelet.core.units import RAD_PER_DEG, STANDARD_GRAVITY_M_S2
 from quavelet.denoise.stage import Denoise, DenoiseState
 from quavelet.settings import Settings
@@ -79,6 +83,7 @@ def build_pipeline(settings: Settings, *, calibration: ImuCalibration = UNCALIBR
     if settings.start.gyro_bias_dps:
         x, y, z = (RAD_PER_DEG * dps for dps in settings.start.gyro_bias_dps)
         calibration = replace(calibration, gyro_bias_rad_s=(x, y, z), gyro_bias_curve=None)
+    calibration = mounted(calibration, settings)
     residual = Residual(
         tilt_rad=calibration.accel_sigma_m_s2 / STANDARD_GRAVITY_M_S2,
         gyro_bias_rad_s=calibration.gyro_bias_sigma_rad_s,
@@ -95,10 +100,25 @@ def build_pipeline(settings: Settings, *, calibration: ImuCalibration = UNCALIBR
     )
 
 
+def mounted(calibration: ImuCalibration, settings: Settings) -> ImuCalibration:
+    """A calibration of the chip, for the body it is mounted in."""
+    axes = settings.mounting.axes
+    return calibration if axes == AS_THE_CHIP else calibration.turned(rotation(axes))
+
+
+def mounted_heading(settings: Settings) -> HeadingParams:
+    """The magnetometer's calibration, which is in the chip's axes, for the body it is mounted in."""
+    heading, axes = settings.heading, settings.mounting.axes
+    if axes == AS_THE_CHIP:
+        return heading
+    soft_iron = np.array(rotation(axes)) @ np.array(heading.soft_iron or np.eye(3)).reshape(3, 3)
+    return msgspec.structs.replace(heading, soft_iron=tuple(soft_iron.ravel().tolist()))
+
+
 def _heading(settings: Settings, residual: Residual) -> Heading | None:
     if not settings.magnetometer.used:
         return None
     if not settings.heading.calibrated:
         log.warning("the magnetometer is not calibrated, and yaw stays relative: give heading.hard_iron_ut")
         return None
-    return Heading(settings.heading, residual=residual)
+    return Heading(mounted_heading(settings), residual=residual)

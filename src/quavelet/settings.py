@@ -14,6 +14,7 @@ import msgspec
 from quavelet.attitude.heading import HeadingParams
 from quavelet.attitude.params import FilterParams
 from quavelet.core.errors import SettingsError
+from quavelet.core.mounting import AS_THE_CHIP, Axes, rotation
 from quavelet.denoise.params import DenoiseParams
 from quavelet.mpu6050.config import ChipConfig
 from quavelet.mpu6050.magnetometer.asked import LONGEST_BYTES, MagnetometerParams
@@ -46,6 +47,27 @@ class BusSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
             raise SettingsError(f"address = {self.address} is not a 7-bit device address: give 0x68 or 0x69")
         if self.int_line and not all(self.int_line.rpartition(":")[::2]):
             raise SettingsError(f"int_line = '{self.int_line}' is no line: write LABEL:LINE, as pinctrl-bcm2711:17")
+
+
+class MountingSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """How the chip lies in the body whose attitude is wanted.
+
+    x, y, z   which axis of the chip points along the body's: "+x", "-x" and so on
+    """
+
+    x: str = AS_THE_CHIP[0]
+    y: str = AS_THE_CHIP[1]
+    z: str = AS_THE_CHIP[2]
+
+    def __post_init__(self) -> None:
+        try:
+            rotation(self.axes)
+        except ValueError as error:
+            raise SettingsError(str(error)) from error
+
+    @property
+    def axes(self) -> Axes:
+        return self.x, self.y, self.z
 
 
 class CalibrationSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -115,6 +137,7 @@ class Settings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     bus: BusSettings = BusSettings()
     chip: ChipConfig = ChipConfig(gyro_range_dps=500, accel_range_g=4, dlpf=3, sample_rate_hz=200.0)
     offsets: OffsetSettings = OffsetSettings()
+    mounting: MountingSettings = MountingSettings()
     magnetometer: MagnetometerParams = MagnetometerParams()
     calibration: CalibrationSettings = CalibrationSettings()
     start: StartSettings = StartSettings()

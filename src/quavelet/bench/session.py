@@ -16,6 +16,7 @@ from quavelet.bench.steps.turns import Turns
 from quavelet.core.blocks import RawBlock
 from quavelet.core.errors import SettingsError
 from quavelet.core.instruction import Instruction
+from quavelet.core.mounting import AS_THE_CHIP, Axes
 
 KINDS: tuple[type[Step], ...] = (WarmUp, Rest, Faces, Turns, Poses, LongStill, Temperature, Field, Check)
 STEPS = tuple(kind.name for kind in KINDS)
@@ -35,6 +36,7 @@ class View:
     seen         the board as it is, None before the first samples
     needs_s      for how long it must be still, 0 where that is not what is waited for
     asked        another number each time the person is to be told anew
+    axes         how the chip is mounted: faces are the chip's here, and the person's in words
     """
 
     steps: tuple[tuple[str, str, float], ...]
@@ -45,15 +47,19 @@ class View:
     seen: Seen | None
     needs_s: float
     asked: int
+    axes: Axes = AS_THE_CHIP
 
 
 class Session:
     """The steps one after another. What is measured is in `evidence`; one that holds it already goes on from there."""
 
-    def __init__(self, names: Sequence[str], evidence: Evidence) -> None:
+    def __init__(self, names: Sequence[str], evidence: Evidence, *, axes: Axes = AS_THE_CHIP) -> None:
         """Raises SettingsError for a step that there is not, or no step at all."""
         self.evidence = evidence
         self._steps = [kind(evidence) for kind in KINDS if kind.name in checked(names)]
+        for step in self._steps:
+            step.axes = axes
+        self._axes = axes
         self._watch = Watch()
         self._seen: Seen | None = None
         self._at = 0
@@ -95,6 +101,7 @@ class Session:
             seen=self._seen,
             needs_s=step.needs_s if step else 0.0,
             asked=self._asked[0],
+            axes=self._axes,
         )
 
     def _progress(self, step: Step) -> float:

@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 from quavelet.core.instruction import Instruction
+from quavelet.core.mounting import AS_THE_CHIP, Axes, called
 
 _WAY = {"+": "up", "-": "down"}
 _LEFT, _RIGHT = "left (counter-clockwise from above)", "right (clockwise from above)"
 
 
-def in_words(instruction: Instruction) -> str:
-    """What a person is to do, as one sentence."""
+def in_words(instruction: Instruction, axes: Axes = AS_THE_CHIP) -> str:
+    """What a person is to do, as one sentence. The instruction is in the chip's axes, the words are in those of the
+    body in which it is mounted so."""
+    face = called(instruction.face, axes) if instruction.face else ""
     match instruction.action:
         case "rest":
             return "Leave the board lying still on the table, and let go of it and its cable."
         case "face":
-            return f"{_put(instruction.face)} Let go."
+            return f"{_put(face, axes)} Let go."
         case "turn":
-            axis, way = instruction.face[1].upper(), _WAY[instruction.face[0]]
+            axis, way = face[1].upper(), _WAY[face[0]]
             if abs(instruction.turn_deg) < 360.0:
                 return f"Leave {axis} pointing {way}, and turn the board half round on the table. Let go."
             turn = _LEFT if instruction.turn_deg > 0 else _RIGHT
@@ -35,8 +38,10 @@ def in_words(instruction: Instruction) -> str:
             return "Turn it slowly through all attitudes, each axis up and down once, away from iron and cables."
 
 
-def _put(face: str) -> str:
+def _put(face: str, axes: Axes) -> str:
     axis, way = face[1].upper(), _WAY[face[0]]
+    if axes != AS_THE_CHIP:
+        return f"Put it down so that its {axis} axis, as it is mounted, points straight {way}."
     if axis == "Z":
         side = "on top" if face[0] == "+" else "below"
         return f"Lay it flat with the chip {side}: Z points {way}."

@@ -13,7 +13,7 @@ class Calibrate:
 
     Where the calibration has no constant bias, every sample is flagged BIAS_UNKNOWN, for the stage `StillBias` to
     clear: what a bias over temperature leaves is measured as a whole bias is. The block's `gyro_bias_rad_s` is the
-    constant one; what goes with temperature and force is taken off like an error of scale.
+    constant one, in the axes of the rates; what goes with temperature and force is taken off like an error of scale.
     """
 
     def __init__(self, calibration: ImuCalibration) -> None:
@@ -43,7 +43,7 @@ class Calibrate:
             gyro_rad_s=_product(cal.gyro_matrix, gyro),
             accel_m_s2=accel,
             temp_degc=temp_degc,
-            gyro_bias_rad_s=offset,
+            gyro_bias_rad_s=_product(cal.gyro_matrix, offset),
             still=np.zeros(len(block), dtype=np.bool_),
             field_ut=block.field_ut,
         )

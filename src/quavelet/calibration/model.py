@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
 
 import numpy as np
@@ -109,6 +109,21 @@ class ImuCalibration:
     def knows_bias(self) -> bool:
         """Whether the bias is known, from the temperature, before the board has been still."""
         return self.gyro_bias_curve is not None and self.gyro_bias_curve.is_known
+
+    def turned(self, rotation: Matrix) -> ImuCalibration:
+        """The calibration that gives rates and forces in the axes of a body in which the chip lies so."""
+        to_body = np.array(rotation)
+        return replace(
+            self,
+            gyro_matrix=_rows(to_body @ np.array(self.gyro_matrix)),
+            gyro_per_force=_rows(np.array(self.gyro_per_force) @ to_body.T),
+            accel_matrix=_rows(to_body @ np.array(self.accel_matrix)),
+        )
+
+
+def _rows(matrix: FloatArray) -> Matrix:
+    (a, b, c), (d, e, f), (g, h, i) = matrix.tolist()
+    return (a, b, c), (d, e, f), (g, h, i)
 
 
 UNCALIBRATED = ImuCalibration()

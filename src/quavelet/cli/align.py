@@ -31,6 +31,7 @@ from quavelet.core.health import Health
 from quavelet.core.units import DEG_PER_RAD, NS_PER_S
 from quavelet.loop.deadline import FixedStepLoop
 from quavelet.mpu6050.source import ChipSource
+from quavelet.pipeline import mounted, mounted_heading
 from quavelet.recording.reader import RecordingReader
 from quavelet.recording.replay import ReplaySource
 from quavelet.settings import Settings
@@ -143,7 +144,7 @@ def listen(i2c: I2CBus, settings: Settings, *, clock: Clock, duration_s: float) 
 
 def _first_stages(blocks: Iterator[RawBlock], settings: Settings) -> Iterator[ImuBlock]:
     """As the pipeline begins: counts to SI, and what is still."""
-    calibrate, still = Calibrate(UNCALIBRATED), StillBias(window_s=settings.start.still_s)
+    calibrate, still = Calibrate(mounted(UNCALIBRATED, settings)), StillBias(window_s=settings.start.still_s)
     for raw in blocks:
         yield still.process(calibrate.process(raw))
 
@@ -173,7 +174,7 @@ def aligned_by(found: Stillness, settings: Settings, *, src: str, latitude_deg: 
     still_s = round(found.still_s, 2)
     if found.block is None or found.still_s < STILL_S:
         return Aligned(v=1, src=src, aligned=False, reason=_why_not(found), still_s=still_s)
-    heading = settings.heading
+    heading = mounted_heading(settings)
     latitude_rad = None if latitude_deg is None else radians(latitude_deg)
     try:
         result = align_board(

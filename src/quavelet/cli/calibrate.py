@@ -197,7 +197,7 @@ def _measured(
         check_same_chip(out, chip.identity)
     store = SessionStore(out)
     evidence = _begun(store, chip, resume=resume)
-    session, stop = Session(names, evidence), _Stop()
+    session, stop = Session(names, evidence, axes=settings.mounting.axes), _Stop()
     try:
         with operator_for(i2c, quiet=quiet) as operator, stopped_by_signals(stop):
             finished = conduct(

@@ -15,6 +15,7 @@ from quavelet.bus.protocol import FollowsInstructions, I2CBus
 from quavelet.cli.calibrate_panel import SessionPanel
 from quavelet.cli.run import talk
 from quavelet.core.instruction import Instruction
+from quavelet.core.mounting import AS_THE_CHIP
 
 
 class Lines:
@@ -25,6 +26,7 @@ class Lines:
         self._then = then
         self._told: tuple[int, str] = (-1, "")
         self._status = ""
+        self._axes = AS_THE_CHIP
 
     def ask(self, instruction: Instruction) -> None:
         if self._bus is not None:
@@ -32,10 +34,10 @@ class Lines:
         if self._then is not None:
             self._then.ask(instruction)
         else:
-            talk(f"{in_words(instruction)} ({self._status})")
+            talk(f"{in_words(instruction, self._axes)} ({self._status})")
 
     def show(self, view: View) -> None:
-        self._status = view.status
+        self._status, self._axes = view.status, view.axes
         if self._then is not None:
             self._then.show(view)
         elif self._told != (told := (view.at, view.notice)):

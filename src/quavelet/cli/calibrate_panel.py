@@ -17,6 +17,7 @@ from quavelet.bench.session import View
 from quavelet.bench.session_watch import Seen
 from quavelet.bench.session_words import in_words
 from quavelet.core.instruction import Instruction
+from quavelet.core.mounting import Axes, called
 
 REDRAW_S = 0.1
 WIDTH = 80
@@ -73,12 +74,12 @@ def render(view: View, src: str) -> RenderableType:
     if view.instruction is None:
         rows.append(Text("All is measured.", style="bold green"))
     else:
-        lines = wrap(in_words(view.instruction), WIDTH - 4)
+        lines = wrap(in_words(view.instruction, view.axes), WIDTH - 4)
         # As high whatever is asked: nothing jumps under the eyes.
         rows.append(Text("\n".join(lines + [""] * (INSTRUCTION_LINES - len(lines))), style="bold"))
     rows.append("")
     if view.seen is not None:
-        rows.append(_board(view.seen, view.needs_s, view.instruction))
+        rows.append(_board(view.seen, view.needs_s, view.instruction, view.axes))
     rows += ["", Text(view.notice.replace("degC", "°C") or "all well", style="yellow" if view.notice else "green")]
     fake = "fake:" in src
     title = f"NOT A REAL CHIP — calibrating {src}" if fake else f"calibrating {src}"
@@ -91,7 +92,7 @@ def render(view: View, src: str) -> RenderableType:
     )
 
 
-def _board(seen: Seen, needs_s: float, asked: Instruction | None) -> RenderableType:
+def _board(seen: Seen, needs_s: float, asked: Instruction | None, axes: Axes) -> RenderableType:
     facts = Table.grid(padding=(0, 2))
     if seen.still_s > 0.0:
         still: RenderableType = Text("still", style="bold green")
@@ -108,16 +109,19 @@ def _board(seen: Seen, needs_s: float, asked: Instruction | None) -> RenderableT
         turned = f", turned by {seen.turned_deg:+.0f}°{whole}" if abs(seen.turned_deg) >= SHOWN_DEG else ""
         still = Text(f"moving{turned}", style="bold yellow")
     facts.add_row("board", still)
-    facts.add_row("up", _face(seen.face, asked.face if asked is not None else ""))
+    facts.add_row("up", _face(seen.face, asked.face if asked is not None else "", axes))
     trend = "" if seen.trend_degc_min is None else f", {seen.trend_degc_min:+.2f} °C/min"
     facts.add_row("chip", f"{seen.temp_degc:.1f} °C{trend}")
     return facts
 
 
-def _face(face: str | None, asked: str) -> Text:
+def _face(face: str | None, asked: str, axes: Axes) -> Text:
     """Which is up, beside the one asked for, "" where none is."""
-    up = Text(face or "no face", style="dim" if not face else "bold green" if face == asked else "bold")
-    return up.append(f"  (asked for: {asked})", style="not bold dim") if asked and face != asked else up
+    style = "dim" if not face else "bold green" if face == asked else "bold"
+    up = Text(called(face, axes) if face else "no face", style=style)
+    if not asked or face == asked:
+        return up
+    return up.append(f"  (asked for: {called(asked, axes)})", style="not bold dim")
 
 
 def _bar(part: float, style: str) -> Text:

@@ -16,7 +16,7 @@ from quavelet.core.units import DEG_PER_RAD, NS_PER_S
 from quavelet.drawing.chart import Chart, Curve
 from quavelet.drawing.noise import BRACKETS, allan_charts, noise_table
 from quavelet.drawing.page import Cell, Section, Table
-from quavelet.pipeline import build_pipeline
+from quavelet.pipeline import build_pipeline, mounted
 from quavelet.recording.recorded import Recorded, Truth
 from quavelet.settings import Settings
 from quavelet.study.methods import DEFAULT, Method, methods
@@ -73,7 +73,7 @@ def work_through(recorded: Recorded, base: Settings, *, tell: Callable[[str], No
     still = still_rows(reference, start=start)
     scores = [score(block, reference, still=still, start=start, truth=recorded.truth) for block in blocks]
     tell("noise")
-    imu = concat([Calibrate(UNCALIBRATED).process(run) for run in recorded.runs])[:n]
+    imu = concat([Calibrate(mounted(UNCALIBRATED, base)).process(run) for run in recorded.runs])[:n]
     runs = tuple(Ran(*one) for one in zip(chosen, blocks, scores, strict=True))
     return Report(recorded, imu, runs, _noise(imu[still]), still, start)
 

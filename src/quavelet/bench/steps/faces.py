@@ -51,7 +51,7 @@ class Faces(Step):
 
     @property
     def status(self) -> str:
-        return f"missing: {' '.join(self.missing)}" if self.missing else "all six"
+        return f"missing: {' '.join(map(self.called, self.missing))}" if self.missing else "all six"
 
     @property
     def needs_s(self) -> float:
@@ -75,11 +75,11 @@ class Faces(Step):
             self.notice = "it lies on no face: put it flat on one, against something square"
         elif face not in self.missing:
             if self.missing:
-                self.notice = f"{face} is measured: the next is {self.missing[0]}"
+                self.notice = f"{self.called(face)} is measured: the next is {self.called(self.missing[0])}"
         elif any(other.face == face for other in self.evidence.placed) and not _turned(move, face):
             if before == face and move is None:
                 return  # It still lies there, and nobody has done anything yet.
-            self.notice = f"{face} is measured that way round: turn it half round on the table"
+            self.notice = f"{self.called(face)} is measured that way round: turn it half round on the table"
         else:
             self.evidence.placed.append(pose)
             self.notice = ""

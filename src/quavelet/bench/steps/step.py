@@ -7,6 +7,7 @@ from abc import ABC, abstractmethod
 from quavelet.bench.session_evidence import Evidence
 from quavelet.bench.session_watch import Seen
 from quavelet.core.instruction import Instruction
+from quavelet.core.mounting import AS_THE_CHIP, Axes, called
 
 
 class Step(ABC):
@@ -22,6 +23,9 @@ class Step(ABC):
 
     name: str
     title: str
+
+    axes: Axes = AS_THE_CHIP
+    """How the chip is mounted: what a person is told of its faces is in the axes of the body."""
 
     def __init__(self, evidence: Evidence) -> None:
         self.evidence = evidence
@@ -41,6 +45,10 @@ class Step(ABC):
     @abstractmethod
     def take(self, seen: Seen) -> None:
         """Look at the newest samples."""
+
+    def called(self, face: str) -> str:
+        """A face as the person knows it."""
+        return called(face, self.axes)
 
     @property
     def status(self) -> str:

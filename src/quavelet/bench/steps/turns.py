@@ -78,11 +78,12 @@ class Turns(Step):
             self.asks += 1
             self.notice = ""
         elif found is not None:
-            self.notice = f"that turn about {'xyz'[found[0]]} is measured: the next is the one asked for"
+            self.notice = (
+                f"that turn about {self.called('+' + 'xyz'[found[0]])[1]} is measured: the next is the one asked for"
+            )
             self.asks += 1
         elif move.before.face == move.after.face and np.abs(turned).max() > 20.0:
-            axis = int(np.argmax(np.abs(turned)))
-            self.notice = f"that was {abs(turned[axis]):.0f} degrees: turn it a whole turn, from the edge back to it"
+            self.notice = f"that was {np.abs(turned).max():.0f} degrees: turn it a whole turn, from the edge back to it"
             self.asks += 1
         else:
             self.evidence.moves.append(move)
