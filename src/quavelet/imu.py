@@ -26,7 +26,7 @@ from quavelet.mpu6050.offset_plan import OffsetPlan
 from quavelet.mpu6050.source import ChipSource
 from quavelet.mpu6050.stream import StreamInfo
 from quavelet.mpu6050.variants import Variant
-from quavelet.pipeline import build_pipeline
+from quavelet.pipeline import build_pipeline, tell_uncalibrated_magnetometer
 from quavelet.settings import Settings, load_settings
 from quavelet.sinks.message import Message, message_of
 
@@ -63,6 +63,7 @@ class Imu(Closing):
         self.calibration_file: Path | None = None
         self.offsets: OffsetPlan | None = settings.offsets.plan()
         self._found: tuple[CalibrationRecord | None, Path | None, str] = (None, None, "")
+        self._told_magnetometer = False
         self.pipeline = build_pipeline(settings)
         self.source = ChipSource(
             bus,
@@ -133,6 +134,7 @@ class Imu(Closing):
         if record is not None:
             note = f"calibration of {record.in_words()} from {path}"
             note += ", with offsets in the chip" if record.offsets and not given else ""
+            note += _of_heading(self.settings, record)
         self._found = record, path if record else None, note
         return self.offsets
 
@@ -141,9 +143,12 @@ class Imu(Closing):
         record, path, note = self._found
         if note:
             (self._on_note or log.info)(note)
+        calibration = record.calibration() if record else UNCALIBRATED
+        if not self._told_magnetometer:
+            self._told_magnetometer = True
+            tell_uncalibrated_magnetometer(self.settings, calibration)
         if record != self.calibration:
             self.calibration, self.calibration_file = record, path
-            calibration = record.calibration() if record else UNCALIBRATED
             self.pipeline = build_pipeline(self.settings, calibration=calibration)
 
     def identity(self, info: StreamInfo) -> ChipIdentity:
@@ -168,6 +173,15 @@ class Imu(Closing):
         self.bus.close()
         if self.line is not None:
             self.line.close()
+
+
+def _of_heading(settings: Settings, record: CalibrationRecord) -> str:
+    """Whether the record's magnetometer gives heading, to be told behind where the record is from."""
+    if not settings.magnetometer.used or record.magnetometer is None:
+        return ""
+    if settings.heading.calibrated:
+        return "; heading is by [heading] of the settings, which goes before its magnetometer"
+    return "; heading is by its magnetometer"
 
 
 def record_for(chip: ChipIdentity, path: Path, *, settings: Settings) -> CalibrationRecord:

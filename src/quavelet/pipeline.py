@@ -9,7 +9,8 @@ import msgspec
 import numpy as np
 
 from quavelet.attitude.doubt import Residual
-from quavelet.attitude.heading import Heading, HeadingParams, HeadingState
+from quavelet.attitude.first_fix import EARTH_UT
+from quavelet.attitude.heading import HARD_IRON_SIGMA_MAX_UT, Heading, HeadingParams, HeadingState
 from quavelet.attitude.params import FilterState
 from quavelet.calibration.calibrate import Calibrate
 from quavelet.calibration.model import UNCALIBRATED, ImuCalibration
@@ -79,7 +80,10 @@ class Pipeline:
 
 
 def build_pipeline(settings: Settings, *, calibration: ImuCalibration = UNCALIBRATED) -> Pipeline:
-    """The pipeline of these settings; a bias in the settings goes before the calibration's."""
+    """The pipeline of these settings; a bias or a magnetometer's iron in the settings goes before the calibration's."""
+    heading = heading_params(settings, calibration)
+    if heading is None or settings.heading.calibrated:
+        calibration = replace(calibration, magnetometer=None)
     if settings.start.gyro_bias_dps:
         x, y, z = (RAD_PER_DEG * dps for dps in settings.start.gyro_bias_dps)
         calibration = replace(calibration, gyro_bias_rad_s=(x, y, z), gyro_bias_curve=None)
@@ -96,7 +100,7 @@ def build_pipeline(settings: Settings, *, calibration: ImuCalibration = UNCALIBR
         StillBias(window_s=settings.start.still_s, refine=calibration.knows_bias),
         Denoise(row_filter, sample_rate_hz=settings.chip.sample_rate_hz) if row_filter else None,
         settings.filter.build(residual=residual),
-        _heading(settings, residual),
+        Heading(heading, residual=residual) if heading else None,
     )
 
 
@@ -115,10 +119,29 @@ def mounted_heading(settings: Settings) -> HeadingParams:
     return msgspec.structs.replace(heading, soft_iron=tuple(soft_iron.ravel().tolist()))
 
 
-def _heading(settings: Settings, residual: Residual) -> Heading | None:
+def heading_params(settings: Settings, calibration: ImuCalibration) -> HeadingParams | None:
+    """What heading is found by, None without a magnetometer or where that is not calibrated.
+
+    Those of the settings, where they hold a calibration; else the field comes calibrated already.
+    """
+    magnetometer = calibration.magnetometer
     if not settings.magnetometer.used:
         return None
-    if not settings.heading.calibrated:
-        log.warning("the magnetometer is not calibrated, and yaw stays relative: give heading.hard_iron_ut")
-        return None
-    return Heading(mounted_heading(settings), residual=residual)
+    if settings.heading.calibrated or magnetometer is None:
+        return mounted_heading(settings) if settings.heading.calibrated else None
+    return msgspec.structs.replace(
+        settings.heading,
+        hard_iron_ut=(0.0, 0.0, 0.0),
+        hard_iron_sigma_ut=min(magnetometer.left_ut, HARD_IRON_SIGMA_MAX_UT),
+        soft_iron=(),
+        field_ut=min(max(magnetometer.field_ut, EARTH_UT[0]), EARTH_UT[1]),
+    )
+
+
+def tell_uncalibrated_magnetometer(settings: Settings, calibration: ImuCalibration) -> None:
+    """A warning where there is a magnetometer that gives no heading."""
+    if settings.magnetometer.used and heading_params(settings, calibration) is None:
+        log.warning(
+            "the magnetometer is not calibrated, and yaw stays relative: take `quavelet calibrate --steps "
+            "magnetometer`, or give heading.hard_iron_ut"
+        )

@@ -19,7 +19,7 @@ from quavelet.attitude.heading import HeadingParams
 from quavelet.attitude.params import FilterParams
 from quavelet.attitude.pid import PidFilter, PidParams
 from quavelet.calibration.calibrate import Calibrate
-from quavelet.calibration.model import BiasCurve, ImuCalibration
+from quavelet.calibration.model import BiasCurve, ImuCalibration, MagnetometerCalibration
 from quavelet.calibration.still_bias import StillBias
 from quavelet.core.blocks import Flag, FloatArray, ImuBlock, RawBlock, Scale, YawFrom, array_fields, concat
 from quavelet.denoise.params import DenoiseParams
@@ -34,6 +34,13 @@ TILTED = ImuCalibration(
     gyro_matrix=((1.01, 0.002, -0.003), (0.001, 0.98, 0.004), (0.0, -0.002, 1.02)),
     accel_offset_m_s2=(0.1, -0.2, 0.3),
     accel_matrix=((0.99, 0.001, 0.0), (0.002, 1.01, 0.003), (-0.001, 0.0, 1.005)),
+    magnetometer=MagnetometerCalibration(
+        hard_iron_ut=(1.0, -2.0, 0.5),
+        hard_iron_sigma_ut=(0.3, 0.3, 0.3),
+        soft_iron=((1.02, 0.01, -0.02), (0.01, 0.97, 0.03), (-0.02, 0.03, 1.01)),
+        field_ut=48.0,
+        field_sigma=0.01,
+    ),
 )
 WARM = replace(
     TILTED,
@@ -109,6 +116,10 @@ NORTH = Settings(
 )
 
 
+def replace_heading(settings: Settings, **params) -> Settings:
+    return structs.replace(settings, heading=HeadingParams(**params))
+
+
 def replace_denoise(settings: Settings, **params) -> Settings:
     return structs.replace(settings, denoise=DenoiseParams(**params))
 
@@ -151,6 +162,10 @@ STAGES = {
     "gyro": (levelled_block, lambda: FilterParams(kind="gyro").build(residual=RESIDUAL)),
     "accelerometer": (levelled_block, lambda: FilterParams(kind="accelerometer").build(residual=RESIDUAL)),
     "the whole pipeline with heading": (raw_block, lambda: build_pipeline(NORTH, calibration=TILTED)),
+    "the whole pipeline with heading by the chip's calibration": (
+        raw_block,
+        lambda: build_pipeline(replace_heading(NORTH, declination_deg=3.0, tau_s=0.5), calibration=TILTED),
+    ),
     "the whole pipeline": (raw_block, lambda: build_pipeline(QUICK, calibration=TILTED)),
     "the whole pipeline, calibrated over temperature": (raw_block, lambda: build_pipeline(QUICK, calibration=WARM)),
     "the pipeline as it is by default": (raw_block, lambda: build_pipeline(Settings(), calibration=TILTED)),

@@ -91,10 +91,13 @@ class FirstFix:
     disturbed: bool = False
     steep: bool = False
 
-    def with_field(self, level: LevelField, *, after_s: float) -> FirstFix:
-        """One more measurement, so long after the last one; they begin anew once enough of them gave no fix."""
+    def with_field(self, level: LevelField, *, after_s: float, earth_ut: tuple[float, float] = EARTH_UT) -> FirstFix:
+        """One more measurement, so long after the last one; they begin anew once enough of them gave no fix.
+
+        earth_ut   the least and the most that the Earth's field may be
+        """
         enough = self._enough
-        old = FirstFix(disturbed=self._unlike, steep=self._steep) if enough else self
+        old = FirstFix(disturbed=self._unlike(earth_ut), steep=self._steep) if enough else self
         return FirstFix(
             n=old.n + 1,
             span_s=old.span_s + after_s if old.n else 0.0,
@@ -108,9 +111,9 @@ class FirstFix:
             steep=old.steep,
         )
 
-    def fix(self) -> Fix | None:
+    def fix(self, *, earth_ut: tuple[float, float] = EARTH_UT) -> Fix | None:
         """The fix, once there are enough that agree."""
-        if not self._enough or self._unlike or self._steep:
+        if not self._enough or self._unlike(earth_ut) or self._steep:
             return None
         return Fix(atan2(self.sines, self.cosines), self._mean)
 
@@ -122,13 +125,12 @@ class FirstFix:
     def _mean(self) -> Reference:
         return Reference(self.strengths / self.n, self.dips / self.n)
 
-    @property
-    def _unlike(self) -> bool:
+    def _unlike(self, earth_ut: tuple[float, float]) -> bool:
         """Whether they are no Earth's field, or differ."""
         mean = self._mean
         strength_sd = sqrt(max(0.0, self.strengths_ms / self.n - mean.strength_ut * mean.strength_ut))
         dip_sd = sqrt(max(0.0, self.dips_ms / self.n - mean.dip_rad * mean.dip_rad))
-        low, high = EARTH_UT
+        low, high = earth_ut
         return not low <= mean.strength_ut <= high or strength_sd > SPREAD * mean.strength_ut or dip_sd > SPREAD_RAD
 
     @property

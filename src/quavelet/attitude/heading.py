@@ -18,7 +18,7 @@ import msgspec
 import numpy as np
 
 from quavelet.attitude.doubt import GYRO_DENSITY_RAD, YAW_MAX_RAD, Residual
-from quavelet.attitude.first_fix import FirstFix, LevelField, Reference, levelled_field
+from quavelet.attitude.first_fix import EARTH_UT, FirstFix, LevelField, Reference, levelled_field
 from quavelet.attitude.kernel import Quaternion, Vector, product
 from quavelet.core.blocks import AttitudeBlock, Flag, FloatArray, YawFrom
 from quavelet.core.errors import SettingsError
@@ -35,6 +35,10 @@ CLEAR_S = 0.5
 GATE = 3.0
 """Sigmas by which a field's direction may differ from the one expected: a magnet across the Earth's horizontal field
 turns it by 45 degrees before strength and dip show it."""
+HARD_IRON_SIGMA_MAX_UT = 50.0
+ELSEWHERE = 0.2
+"""Between the bench of a calibration and another place the Earth's field differs by such a part: another room, or a
+thousand kilometres."""
 INSIST_S = 60.0
 """A field that is the Earth's but for its direction, for so long: the gyroscope must have been wrong by more than is
 known of it, and this goes into sigma."""
@@ -48,6 +52,8 @@ class HeadingParams(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
     hard_iron_ut        x y z in the body frame, uT; empty: not calibrated, and heading is not used
     hard_iron_sigma_ut  one sigma of what the calibration leaves of an axis, uT
     soft_iron           nine numbers, row by row; empty: none
+    field_ut            strength of the Earth's field where it was calibrated; a first fix is not taken where it is
+                        unlike that. 0: not known
     declination_deg     of the place, east of true north; "none": heading counts from magnetic north
     tau_s               time constant with which the magnetometer is followed
     """
@@ -55,20 +61,25 @@ class HeadingParams(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
     hard_iron_ut: tuple[float, ...] = ()
     hard_iron_sigma_ut: float = 1.0
     soft_iron: tuple[float, ...] = ()
+    field_ut: float = 0.0
     declination_deg: float | Literal["none"] = "none"
     tau_s: float = 5.0
 
     def __post_init__(self) -> None:
         if len(self.hard_iron_ut) not in (0, 3) or not all(abs(x) <= 5000.0 for x in self.hard_iron_ut):
             raise SettingsError("hard_iron_ut takes three numbers within +-5000 uT, or none")
-        if not 0.0 <= self.hard_iron_sigma_ut <= 50.0:
-            raise SettingsError(f"hard_iron_sigma_ut = {self.hard_iron_sigma_ut} does not fit: give 0 to 50 uT")
+        if not 0.0 <= self.hard_iron_sigma_ut <= HARD_IRON_SIGMA_MAX_UT:
+            raise SettingsError(
+                f"hard_iron_sigma_ut = {self.hard_iron_sigma_ut} does not fit: give 0 to {HARD_IRON_SIGMA_MAX_UT:g} uT"
+            )
         if len(self.soft_iron) not in (0, 9):
             raise SettingsError("soft_iron takes nine numbers, row by row, or none")
         if self.soft_iron:
             determinant = float(np.linalg.det(np.array(self.soft_iron).reshape(3, 3)))
             if not 0.1 <= determinant <= 10.0:
                 raise SettingsError("soft_iron is far from a rotation: its determinant must be near 1, take it anew")
+        if self.field_ut and not EARTH_UT[0] <= self.field_ut <= EARTH_UT[1]:
+            raise SettingsError(f"field_ut = {self.field_ut} is not the Earth's: give 20 to 72 uT, or 0 if not known")
         if self.declination_deg != "none" and not abs(self.declination_deg) <= 180.0:
             raise SettingsError(f'declination_deg = {self.declination_deg} is no angle: give +-180, or "none"')
         if not 0.1 <= self.tau_s <= 1000.0:
@@ -77,6 +88,14 @@ class HeadingParams(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
     @property
     def calibrated(self) -> bool:
         return bool(self.hard_iron_ut)
+
+    @property
+    def earth_ut(self) -> tuple[float, float]:
+        """The least and the most that the Earth's field may be."""
+        if not self.field_ut:
+            return EARTH_UT
+        doubt = ELSEWHERE * self.field_ut + 3.0 * self.hard_iron_sigma_ut
+        return max(EARTH_UT[0], self.field_ut - doubt), min(EARTH_UT[1], self.field_ut + doubt)
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,6 +164,7 @@ class Heading:
         self._north, self._declination_rad = YawFrom.MAGNETIC, 0.0
         if params.declination_deg != "none":
             self._north, self._declination_rad = YawFrom.TRUE, RAD_PER_DEG * params.declination_deg
+        self._earth_ut = params.earth_ut
         self._told_steep = False
         self._s = HeadingState()
 
@@ -210,8 +230,8 @@ class Heading:
         )
 
     def _sought(self, s: HeadingState, level: LevelField, row: _Row) -> HeadingState:
-        first = s.first.with_field(level, after_s=s.since_s)
-        fix = first.fix()
+        first = s.first.with_field(level, after_s=s.since_s, earth_ut=self._earth_ut)
+        fix = first.fix(earth_ut=self._earth_ut)
         if fix is None:
             if first.steep and not self._told_steep:
                 self._told_steep = True

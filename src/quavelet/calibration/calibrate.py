@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from quavelet.calibration.model import NO_MATRIX, ImuCalibration, Matrix
+from quavelet.calibration.model import NO_MATRIX, ImuCalibration, MagnetometerCalibration, Matrix
 from quavelet.core.blocks import Flag, FloatArray, ImuBlock, RawBlock
 
 
@@ -45,7 +45,7 @@ class Calibrate:
             temp_degc=temp_degc,
             gyro_bias_rad_s=_product(cal.gyro_matrix, offset),
             still=np.zeros(len(block), dtype=np.bool_),
-            field_ut=block.field_ut,
+            field_ut=block.field_ut if cal.magnetometer is None else _field_ut(cal.magnetometer, block.field_ut),
         )
 
     def state(self) -> None:
@@ -53,6 +53,10 @@ class Calibrate:
 
     def restore(self, state: None) -> None:
         del state
+
+
+def _field_ut(magnetometer: MagnetometerCalibration, field_ut: FloatArray) -> FloatArray:
+    return _product(magnetometer.soft_iron, field_ut - np.array(magnetometer.hard_iron_ut))
 
 
 def _product(matrix: Matrix, rows: FloatArray) -> FloatArray:

@@ -83,7 +83,11 @@ def fit_magnetometer(field_ut: FloatArray) -> MagnetometerFit:
     before = np.linalg.norm(samples[used], axis=1)
     return MagnetometerFit(
         calibration=MagnetometerCalibration(
-            hard_iron_ut=vector(centre + radius * fit.value[:3]), soft_iron=(x, y, z), field_sigma=float(noise)
+            hard_iron_ut=vector(centre + radius * fit.value[:3]),
+            hard_iron_sigma_ut=vector(np.sqrt(np.diag(fit.covariance)[:3]) * float(radius / size)),
+            soft_iron=(x, y, z),
+            field_ut=float(radius / size),
+            field_sigma=float(noise),
         ),
         field_ut=float(radius / size),
         covariance=fit.covariance,

@@ -58,12 +58,21 @@ class BiasCurve:
 class MagnetometerCalibration:
     """true = soft_iron (measured - hard_iron), body frame, uT.
 
-    field_sigma   one sigma of the corrected field's strength, as a part of it
+    hard_iron_sigma_ut   one sigma of it, uT
+    field_ut             strength of the Earth's field where it was calibrated
+    field_sigma          one sigma of the corrected field's strength, as a part of it
     """
 
     hard_iron_ut: Vector
+    hard_iron_sigma_ut: Vector
     soft_iron: Matrix
+    field_ut: float
     field_sigma: float
+
+    @property
+    def left_ut(self) -> float:
+        """One sigma of what an axis of the corrected field may be off, uT; the noise of a measurement is in it."""
+        return float(np.hypot(max(self.hard_iron_sigma_ut), self.field_sigma * self.field_ut))
 
     def corrected_ut(self, field_ut: FloatArray) -> FloatArray:
         """The field (N, 3) in uT without the board's own iron."""
@@ -111,13 +120,16 @@ class ImuCalibration:
         return self.gyro_bias_curve is not None and self.gyro_bias_curve.is_known
 
     def turned(self, rotation: Matrix) -> ImuCalibration:
-        """The calibration that gives rates and forces in the axes of a body in which the chip lies so."""
-        to_body = np.array(rotation)
+        """The calibration that gives rates, forces and fields in the axes of a body in which the chip lies so."""
+        to_body, magnetometer = np.array(rotation), self.magnetometer
+        if magnetometer is not None:
+            magnetometer = replace(magnetometer, soft_iron=_rows(to_body @ np.array(magnetometer.soft_iron)))
         return replace(
             self,
             gyro_matrix=_rows(to_body @ np.array(self.gyro_matrix)),
             gyro_per_force=_rows(np.array(self.gyro_per_force) @ to_body.T),
             accel_matrix=_rows(to_body @ np.array(self.accel_matrix)),
+            magnetometer=magnetometer,
         )
 
 

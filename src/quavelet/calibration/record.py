@@ -191,7 +191,9 @@ class CalibrationRecord(msgspec.Struct, frozen=True, kw_only=True, forbid_unknow
             if magnetometer is None
             else MagnetometerCalibration(
                 hard_iron_ut=magnetometer.hard_iron_ut,
+                hard_iron_sigma_ut=magnetometer.hard_iron_sigma_ut,
                 soft_iron=magnetometer.soft_iron,
+                field_ut=magnetometer.field_ut,
                 field_sigma=magnetometer.field_sigma,
             ),
         )
@@ -319,7 +321,7 @@ def gyro_scale_table(fit: TurnFit) -> GyroScaleTable:
 def magnetometer_table(fit: MagnetometerFit) -> MagnetometerTable:
     return MagnetometerTable(
         hard_iron_ut=fit.calibration.hard_iron_ut,
-        hard_iron_sigma_ut=vector(np.sqrt(np.diag(fit.covariance)[:3]) * fit.field_ut),
+        hard_iron_sigma_ut=fit.calibration.hard_iron_sigma_ut,
         soft_iron=fit.calibration.soft_iron,
         field_ut=fit.field_ut,
         field_sigma=fit.calibration.field_sigma,

@@ -17,7 +17,7 @@ from quavelet.core.clock import MonotonicClock
 from quavelet.core.errors import RecordingError
 from quavelet.core.health import Health
 from quavelet.loop.hub import Hub, Policy
-from quavelet.pipeline import build_pipeline
+from quavelet.pipeline import build_pipeline, tell_uncalibrated_magnetometer
 from quavelet.recording.reader import RecordingReader
 from quavelet.recording.replay import ReplaySource, paced
 from quavelet.sinks.json_lines import JsonLines
@@ -45,6 +45,7 @@ def replay(
     source = ReplaySource(reader, health=health)
     settings = options.settings_of(None, None, config).settings if config else source.settings
     pipeline = build_pipeline(settings, calibration=source.calibration)
+    tell_uncalibrated_magnetometer(settings, source.calibration)
     to_panel = sys.stdout.isatty() and not json
     if speed is None:
         speed = 1.0 if to_panel else float("inf")
