@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from quavelet.calibration.accelerometer import sphere_points
 from quavelet.calibration.magnetometer import coverage_of, fit_magnetometer
+from quavelet.calibration.model import ImuCalibration, MagnetometerCalibration
 from quavelet.core.errors import CalibrationError
 
 FIELD_UT = 49.0
@@ -65,3 +66,18 @@ def test_the_calibration_makes_the_field_one_size():
     samples = shown(sphere_points(300), hard_ut=np.array([60.0, 0.0, -40.0]), soft=np.diag([1.1, 0.95, 0.9569378]))
     corrected = fit_magnetometer(samples).calibration.corrected_ut(samples)
     assert np.linalg.norm(corrected, axis=1).std() / FIELD_UT < 0.01
+
+
+def test_a_chip_mounted_another_way_shows_the_same_field_in_the_bodys_axes():
+    magnetometer = MagnetometerCalibration(
+        hard_iron_ut=(1.0, -2.0, 0.5),
+        hard_iron_sigma_ut=(0.3, 0.4, 0.3),
+        soft_iron=((1.02, 0.01, -0.02), (0.01, 0.97, 0.03), (-0.02, 0.03, 1.01)),
+        field_ut=48.0,
+        field_sigma=0.01,
+    )
+    to_body = ((0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
+    turned = ImuCalibration(magnetometer=magnetometer).turned(to_body).magnetometer
+    field = np.array([[20.0, -5.0, 40.0]])
+    assert turned.corrected_ut(field) == pytest.approx(magnetometer.corrected_ut(field) @ np.array(to_body).T)
+    assert turned.left_ut == pytest.approx(np.hypot(0.4, 0.48))
