@@ -232,6 +232,16 @@ def test_a_temperature_run_spans_its_degrees(tmp_path):
     assert bench.conduct()
     temps = [pose.temp_degc for pose in bench.evidence.rest]
     assert max(temps) - min(temps) >= 12.0
+    assert bench.notices == [], "at the turn from warming to cooling it stands still as well"
+
+
+@pytest.mark.parametrize(("step", "least", "most"), [("poses", 3, 6), ("faces", 3, 6)])
+def test_who_leaves_the_board_lying_is_not_told_every_three_seconds(tmp_path, step, least, most):
+    bench = Bench([step], out=tmp_path / "c", hears=lambda _told: Instruction(action="rest"))
+    with pytest.raises(CalibrationError):
+        bench.conduct(patience_s=60.0)
+    assert least <= len(bench.bus.told) <= most
+    assert not bench.evidence.moves, "it lay still"
 
 
 def test_a_swung_board_shows_its_magnetometers_sphere(tmp_path):

@@ -169,7 +169,7 @@ def test_ctrl_c_keeps_what_was_measured_and_resume_goes_on_with_it(tmp_path):
     assert out.with_name("board.toml.session").exists()
     refused = quavelet(*BENCH, "--out", out, "--steps", "faces")
     assert refused.code == exits.FAILED
-    assert "was not finished" in refused.said[-1]
+    assert "holds what was measured before" in refused.said[-1]
     done = quavelet(*BENCH, "--out", out, "--steps", "faces", "--resume", "--json")
     assert done.code == exits.OK, done.err
     assert sum("Leave Z pointing up" in line for line in done.said) <= 1

@@ -17,6 +17,8 @@ AXES = "xyz"
 FIELD_POINTS = 400
 """More are one blot on a screen, and most of the page's size."""
 SMALL_MG, GOOD_MG = 1.0, 1e3 * GOOD_G
+SHOWS_SLOPE_DEGC = 1.0
+"""Over less nothing is to be seen of how the bias goes with temperature."""
 _ROUND = np.linspace(0.0, 2.0 * np.pi, 121)
 Cloud = tuple[str, FloatArray, FloatArray]
 
@@ -92,7 +94,7 @@ def bias(result: Result) -> tuple[Chart, ...]:
     rates = np.array([pose.gyro_rad_s for pose in poses]) - forces @ np.array(fit.per_force).T
     grid = np.linspace(fit.lowest_degc, fit.highest_degc, 60)
     fitted = fit.curve().at(grid)
-    charts = [
+    over_temperature = [
         Chart(
             f"bias-{axis}",
             f"Bias of {axis} over temperature",
@@ -105,12 +107,13 @@ def bias(result: Result) -> tuple[Chart, ...]:
             kind="points",
         )
         for k, axis in enumerate(AXES)
+        if fit.highest_degc - fit.lowest_degc >= SHOWS_SLOPE_DEGC
     ]
     begin_ns = np.array([pose.begin_ns for pose in poses])
     minutes = (begin_ns - begin_ns.min()) / NS_PER_S / 60.0
     left = rates_dps(poses, result.record.calibration())
     return (
-        *charts,
+        *over_temperature,
         _points("temperature", "Temperature of the chip", ("time, min", "degC"), [("", minutes, temps)]),
         _points(
             "bias-left",

@@ -52,8 +52,8 @@ def write_report(
 def _about(result: Result, src: str) -> list[str]:
     chip, made = result.record.chip, result.record.made
     about = (
-        f"{chip.name} at address 0x{chip.address:02x} on {src}, measured on {made.utc[:10]} at {made.utc[11:16]} UTC "
-        f"while the chip was at {made.lowest_degc:.1f} to {made.highest_degc:.1f} degC; ranges {made.gyro_range_dps} "
+        f"{chip.name} at address 0x{chip.address:02x} on {src}, worked out on {made.utc[:10]} at {made.utc[11:16]} "
+        f"UTC; the chip was at {made.lowest_degc:.1f} to {made.highest_degc:.1f} degC; ranges {made.gyro_range_dps} "
         f"deg/s and {made.accel_range_g} g."
     )
     return [about, *(["This is a fake chip: NOT A REAL ONE."] if chip.is_fake else [])]
@@ -99,13 +99,14 @@ def _bias(result: Result) -> Section:
     bias = DEG_PER_RAD * curve.at(np.array([at_degc]))[0]
     low, high = DEG_PER_RAD * curve.at(span)
     slope = (high - low) / max(span[1] - span[0], 1e-9)
+    moves = [f"{value:+.4f}" if span[1] - span[0] >= pictures.SHOWS_SLOPE_DEGC else "not seen" for value in slope]
     words = (
         "What the gyroscope reads while the board lies still, at each temperature. 0.01 deg/s that is left turns the "
         "heading by 0.6 deg in a minute; at each start the service measures anew what is left.",
     )
     head = ("axis", f"bias at {at_degc:.0f} degC, deg/s", "moves by, deg/s per degC")
     rows = tuple(
-        (Cell(axis), Cell(_with_sigma(bias[k], DEG_PER_RAD * fit.sigma_at(at_degc), 3)), Cell(f"{slope[k]:+.4f}"))
+        (Cell(axis), Cell(_with_sigma(bias[k], DEG_PER_RAD * fit.sigma_at(at_degc), 3)), Cell(moves[k]))
         for k, axis in enumerate(AXES)
     )
     table = Table("What was found", head, rows, numbers=frozenset({1, 2}))

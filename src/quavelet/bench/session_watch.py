@@ -10,7 +10,7 @@ import numpy as np
 from quavelet.bench.session_evidence import Move
 from quavelet.calibration.calibrate import Calibrate
 from quavelet.calibration.model import UNCALIBRATED
-from quavelet.calibration.poses import PoseCollector, StillPose, face_up, vector
+from quavelet.calibration.poses import WINDOW_S, PoseCollector, StillPose, face_up, vector
 from quavelet.core.blocks import Flag, FloatArray, ImuBlock, RawBlock, concat
 from quavelet.core.units import DEG_PER_RAD, NS_PER_S
 
@@ -102,8 +102,8 @@ class Watch:
             return None
         begin, end = np.searchsorted(rows.t_ns, [before.end_ns, pose.begin_ns], side="right").tolist()
         between = rows[begin:end]
-        # Pieces of one stretch follow each other at once.
-        if pose.begin_ns - before.end_ns < 0.1 * NS_PER_S or (between.flags & Flag.GAP).any():
+        # Pieces of one stretch leave one window between them, and two stretches more.
+        if pose.begin_ns - before.end_ns < 1.5 * WINDOW_S * NS_PER_S or (between.flags & Flag.GAP).any():
             return None
         return Move.of(between, before, pose)
 

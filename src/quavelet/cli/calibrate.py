@@ -224,7 +224,7 @@ def _begun(store: SessionStore, chip: Chip, *, resume: bool) -> Evidence:
         return store.load(chip)
     if store.path.exists():
         raise CalibrationError(
-            f"{store.path} is of a session that was not finished: go on with it by --resume, or remove it"
+            f"{store.path} holds what was measured before: go on with it by --resume, or remove it to begin anew"
         )
     return Evidence(chip=chip)
 

@@ -77,14 +77,13 @@ class Faces(Step):
             if self.missing:
                 self.notice = f"{self.called(face)} is measured: the next is {self.called(self.missing[0])}"
         elif any(other.face == face for other in self.evidence.placed) and not _turned(move, face):
-            if before == face and move is None:
-                return  # It still lies there, and nobody has done anything yet.
-            self.notice = f"{self.called(face)} is measured that way round: turn it half round on the table"
+            if before != face or move is not None:  # else it lies there, and nobody has done anything yet
+                self.notice = f"{self.called(face)} is measured that way round: turn it half round on the table"
         else:
             self.evidence.placed.append(pose)
             self.notice = ""
             return
-        self.asks += move is not None
+        self.ask_again(moved=move is not None)
 
 
 def _turned(move: Move | None, face: str) -> bool:
@@ -128,10 +127,10 @@ class _Held(Step):
         for pose in seen.poses:
             if any(_away_deg(pose, other) < APART_DEG for other in self._others()):
                 self.notice = "it was held so before: lean it another way, by 20 degrees or more"
-                self.asks += 1
+                self.ask_again(moved=bool(seen.moves))
             elif self.progress < 1.0:
                 self._have().append(pose)
-                self.asks += 1
+                self.ask_again(moved=True)
                 self.notice = ""
 
     def _others(self) -> list[StillPose]:

@@ -6,6 +6,7 @@ from quavelet.bench.session_evidence import Evidence
 from quavelet.bench.session_watch import POSE_S, STILL_S, Seen
 from quavelet.bench.steps.step import Step
 from quavelet.core.instruction import Instruction
+from quavelet.core.units import NS_PER_S
 
 SETTLED_DEGC_MIN = 0.5
 """At 0.19 deg/s/degC the data sheet's worst bias then goes by 0.1 deg/s a minute, which the poses follow."""
@@ -14,6 +15,7 @@ HOTTEST_DEGC = 75.0
 """PS 6.1: the chip is specified up to 85 degC."""
 REST_POSES = 7
 SPAN_DEGC = 12.0
+STANDS_S = 45.0
 MOVED = "the board was moved: put it down, let go, and leave it"
 
 
@@ -51,7 +53,7 @@ class WarmUp(Step):
     def status(self) -> str:
         if self._trend is None:
             return "watching the temperature"
-        return f"until below {SETTLED_DEGC_MIN:g} degC/min"
+        return f"waits for less than {SETTLED_DEGC_MIN:g} degC/min"
 
     def take(self, seen: Seen) -> None:
         now_ns = int(seen.rows.t_ns[-1])
@@ -116,6 +118,7 @@ class Temperature(Step):
     def __init__(self, evidence: Evidence) -> None:
         super().__init__(evidence)
         self._temps: list[float] = []
+        self._stands_since_ns: int | None = None
         self._trend: float | None = None
 
     @property
@@ -136,7 +139,13 @@ class Temperature(Step):
         if not self.notice:
             self.evidence.rest += seen.poses
             self._temps += [pose.temp_degc for pose in seen.poses]
-        if not self.notice and self._span > 1.0 and self._trend is not None and abs(self._trend) < SETTLED_DEGC_MIN:
+        now_ns = int(seen.rows.t_ns[-1])
+        if self._trend is None or abs(self._trend) >= SETTLED_DEGC_MIN:
+            self._stands_since_ns = None
+        elif self._stands_since_ns is None:
+            self._stands_since_ns = now_ns
+        # Where warming becomes cooling it stands still for a moment, too.
+        elif not self.notice and self._span > 1.0 and now_ns - self._stands_since_ns > STANDS_S * NS_PER_S:
             self.notice = "the temperature stands still too early: warm the board more, or cool it in a bag in a fridge"
 
     @property

@@ -9,6 +9,9 @@ from quavelet.bench.session_watch import Seen
 from quavelet.core.instruction import Instruction
 from quavelet.core.mounting import AS_THE_CHIP, Axes, called
 
+PATIENCE_POSES = 5
+"""Who leaves the board lying is told again after so many poses of 3 s, not after each."""
+
 
 class Step(ABC):
     """One step. It takes what it needs from what is seen into the evidence, and is done when there is enough.
@@ -31,6 +34,13 @@ class Step(ABC):
         self.evidence = evidence
         self.notice = ""
         self.asks = 0
+        self._idle = 0
+
+    def ask_again(self, *, moved: bool) -> None:
+        """The instruction once more, after a pose that was not what it asked for: at once where the board was moved to
+        it, else now and then."""
+        self._idle = 0 if moved else self._idle + 1
+        self.asks += self._idle % PATIENCE_POSES == 0
 
     @property
     @abstractmethod
