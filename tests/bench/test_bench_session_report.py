@@ -40,7 +40,7 @@ def result() -> Result:
             accel_range_g=4,
             scale=scale,
         ),
-        still=StillRun(period_s=PERIOD_S, counts=counts.tobytes()),
+        still=[StillRun(period_s=PERIOD_S, counts=counts.tobytes())],
         field_ut=[tuple(row) for row in field.tolist()],
     )
     return work_out(evidence, utc="2026-01-02T03:04:05Z", version="0")

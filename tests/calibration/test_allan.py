@@ -6,7 +6,7 @@ import allantools
 import numpy as np
 import pytest
 
-from quavelet.calibration.allan import ACCEL, GYRO, allan_deviation, fit_noise
+from quavelet.calibration.allan import ACCEL, GYRO, allan_deviation, allan_deviation_of, fit_noise
 from quavelet.core.units import STANDARD_GRAVITY_M_S2
 
 PERIOD_S = 0.01
@@ -158,3 +158,28 @@ def test_a_real_chip_that_lay_still_for_eleven_minutes(recordings, capsys):
     for k, curve in enumerate(curves):
         _, theirs, _, _ = allantools.oadev(gyro[:, k], rate=1 / period_s, data_type="freq", taus=curve.tau_s)
         assert curve.deviation == pytest.approx(theirs, rel=0.01)
+
+
+def test_stretches_with_a_gap_between_are_averaged_at_each_tau_and_surer_together():
+    first, second = white(6000, 0.02, seed=5) + 3.0, white(3000, 0.02, seed=6) - 1.0
+    together = allan_deviation_of([first, second], period_s=PERIOD_S)
+    alone = allan_deviation(first, period_s=PERIOD_S)
+    assert together.tau_s == pytest.approx(alone.tau_s)
+    for tau, deviation in zip(together.tau_s, together.deviation, strict=True):
+        each = []
+        for values in (first, second):
+            m = round(tau / PERIOD_S)
+            if m <= len(values) // 4:
+                _, theirs, _, _ = allantools.oadev(values, rate=1 / PERIOD_S, data_type="freq", taus=[tau])
+                each.append(theirs[0])
+        assert min(each) * (1 - 1e-6) <= deviation <= max(each) * (1 + 1e-6)
+    short = together.tau_s < 5.0
+    assert (together.relative_sigma[short] < 0.9 * alone.relative_sigma[short]).all()
+    assert together.relative_sigma[-1] == pytest.approx(alone.relative_sigma[-1])
+
+
+def test_one_stretch_is_what_it_is_alone():
+    values = white(5000, 1.0)
+    one, alone = allan_deviation_of([values], period_s=PERIOD_S), allan_deviation(values, period_s=PERIOD_S)
+    assert one.deviation == pytest.approx(alone.deviation)
+    assert one.relative_sigma == pytest.approx(alone.relative_sigma)

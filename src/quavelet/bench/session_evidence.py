@@ -66,11 +66,19 @@ class Move(msgspec.Struct, frozen=True, kw_only=True):
         )
 
 
+STILL_BYTES = 12
+"""Of one sample of a still run: six words."""
+
+
 class StillRun(msgspec.Struct, frozen=True, kw_only=True):
     """A long stretch of one still board: bytes of (N, 6) int16 counts, accelerometer and then gyroscope."""
 
     period_s: float
     counts: bytes
+
+    @property
+    def lasts_s(self) -> float:
+        return len(self.counts) / STILL_BYTES * self.period_s
 
     def si(self, scale: Scale) -> tuple[FloatArray, FloatArray]:
         """Rates (N, 3) in rad/s and forces (N, 3) in m/s^2, as measured."""
@@ -87,7 +95,7 @@ class Evidence(msgspec.Struct, kw_only=True):
     poses     held in any attitude
     check     held out of every fit, for the verdict
     moves     what lies between poses of the steps in which it was turned; `told` counts those that were turns asked for
-    still     the long still run
+    still     stretches of the long still run
     field_ut  magnetic field, body frame, one row a measurement
     """
 
@@ -99,7 +107,7 @@ class Evidence(msgspec.Struct, kw_only=True):
     check: list[StillPose] = []
     moves: list[Move] = []
     told: list[Move] = []
-    still: StillRun | None = None
+    still: list[StillRun] = []
     field_ut: list[Vector] = []
 
     @property
@@ -112,4 +120,4 @@ class Evidence(msgspec.Struct, kw_only=True):
         lists: Sequence[Sequence[object]] = (
             self.done, self.rest, self.placed, self.poses, self.check, self.moves, self.told, self.field_ut
         )  # fmt: skip
-        return sum(map(len, lists)) + (self.still is not None)
+        return sum(map(len, lists)) + sum(len(run.counts) for run in self.still)

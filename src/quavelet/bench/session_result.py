@@ -175,8 +175,9 @@ def _record(
 
 
 def _noise(evidence: Evidence) -> tuple[AxisNoise, ...]:
-    run = evidence.still
-    if run is None:
+    runs = evidence.still
+    if not runs:
         return ()
-    gyro_rad_s, accel_m_s2 = run.si(evidence.chip.scale)
-    return noise_of(gyro_rad_s, accel_m_s2, period_s=run.period_s)
+    # The chip's period moves by parts in ten thousand meanwhile: too little to be seen in an averaging time.
+    period_s = sum(run.period_s for run in runs) / len(runs)
+    return noise_of([run.si(evidence.chip.scale) for run in runs], period_s=period_s)

@@ -11,7 +11,7 @@ import msgspec
 from quavelet.bench.session_evidence import Chip, Evidence
 from quavelet.core.errors import CalibrationError
 
-VERSION = 1
+VERSION = 2
 
 
 class Kept(msgspec.Struct, frozen=True, kw_only=True):

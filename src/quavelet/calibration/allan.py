@@ -6,6 +6,7 @@ N sqrt(rate / 2) in a sample. The angle random walk that others quote is N / sqr
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from math import log, pi, sqrt
@@ -136,6 +137,25 @@ def allan_deviation(values: FloatArray, *, period_s: float, tau_s: FloatArray | 
         deviation[k] = sqrt(float(np.mean(second**2)) / 2.0) / (m * period_s)
     tau: FloatArray = averaged.astype(np.float64) * period_s
     return AllanCurve(tau, deviation, _relative_sigma(n + 1, averaged.astype(np.float64)))
+
+
+def allan_deviation_of(stretches: Sequence[FloatArray], *, period_s: float) -> AllanCurve:
+    """The same of several stretches of one axis, between which samples are missing: at each averaging time their
+    variances, weighted by their degrees of freedom; a stretch counts up to a quarter of its length.
+
+    Raises ValueError as `allan_deviation`, and for no stretch at all.
+    """
+    if not stretches:
+        raise ValueError("no stretch has no Allan deviation: give one")
+    tau_s = allan_deviation(max(stretches, key=len), period_s=period_s).tau_s
+    squares, freedom = np.zeros(len(tau_s)), np.zeros(len(tau_s))
+    for values in stretches:
+        fits = tau_s <= max(1, int(len(values) * LONGEST_SHARE)) * period_s * (1.0 + 1e-9)
+        curve = allan_deviation(values, period_s=period_s, tau_s=tau_s[fits])
+        free = 0.5 / curve.relative_sigma**2
+        squares[fits] += free * curve.deviation**2
+        freedom[fits] += free
+    return AllanCurve(tau_s, np.sqrt(squares / freedom), 1.0 / np.sqrt(2.0 * freedom))
 
 
 def fit_noise(curve: AllanCurve) -> NoiseFit:

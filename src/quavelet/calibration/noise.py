@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from quavelet.calibration.allan import ACCEL, GYRO, AllanCurve, DataSheet, NoiseFit, allan_deviation, fit_noise
+import numpy as np
+
+from quavelet.calibration.allan import ACCEL, GYRO, AllanCurve, DataSheet, NoiseFit, allan_deviation_of, fit_noise
 from quavelet.core.blocks import FloatArray
 
 
@@ -21,21 +23,22 @@ class AxisNoise:
     fit: NoiseFit | None
 
 
-def noise_of(gyro_rad_s: FloatArray, accel_m_s2: FloatArray, *, period_s: float) -> tuple[AxisNoise, ...]:
-    """Both sensors' axes over a still stretch, (N, 3) each, sampled every `period_s`.
+def noise_of(stretches: Sequence[tuple[FloatArray, FloatArray]], *, period_s: float) -> tuple[AxisNoise, ...]:
+    """Both sensors' axes over still stretches: rates in rad/s and forces in m/s^2, (N, 3) each, every `period_s`.
 
     Raises ValueError for fewer samples than an Allan deviation needs.
     """
     return tuple(
-        AxisNoise(sheet, axis, float(column.mean()), curve, _fit(curve))
-        for sheet, values in ((GYRO, gyro_rad_s), (ACCEL, accel_m_s2))
-        for axis, column, curve in _curves(values, period_s)
+        AxisNoise(sheet, axis, mean, curve, _fit(curve))
+        for sheet, values in zip((GYRO, ACCEL), zip(*stretches, strict=True), strict=True)
+        for axis, mean, curve in _curves(values, period_s)
     )
 
 
-def _curves(values: FloatArray, period_s: float) -> Iterable[tuple[str, FloatArray, AllanCurve]]:
-    for axis, column in zip("xyz", values.T, strict=True):
-        yield axis, column, allan_deviation(column, period_s=period_s)
+def _curves(values: Sequence[FloatArray], period_s: float) -> Iterable[tuple[str, float, AllanCurve]]:
+    for k, axis in enumerate("xyz"):
+        columns = [stretch[:, k] for stretch in values]
+        yield axis, float(np.concatenate(columns).mean()), allan_deviation_of(columns, period_s=period_s)
 
 
 def _fit(curve: AllanCurve) -> NoiseFit | None:

@@ -120,7 +120,7 @@ def _noise(imu: ImuBlock) -> tuple[AxisNoise, ...]:
     if not len(imu) or len(imu) * float(imu.period_s[0]) < NOISE_FROM_S:
         return ()
     period_s = float(imu.t_ns[-1] - imu.t_ns[0]) / NS_PER_S / (len(imu) - 1)
-    return noise_of(imu.gyro_rad_s + imu.gyro_bias_rad_s, imu.accel_m_s2, period_s=period_s)
+    return noise_of([(imu.gyro_rad_s + imu.gyro_bias_rad_s, imu.accel_m_s2)], period_s=period_s)
 
 
 def _about(report: Report) -> str:
