@@ -81,3 +81,9 @@ def test_a_chip_mounted_another_way_shows_the_same_field_in_the_bodys_axes():
     field = np.array([[20.0, -5.0, 40.0]])
     assert turned.corrected_ut(field) == pytest.approx(magnetometer.corrected_ut(field) @ np.array(to_body).T)
     assert turned.left_ut == pytest.approx(np.hypot(0.4, 0.48))
+
+
+def test_a_vector_without_length_covers_nothing_and_spoils_nothing():
+    points = sphere_points(50)
+    assert coverage_of(np.zeros((3, 3))) == 0.0
+    assert coverage_of(np.vstack([np.zeros((1, 3)), points])) == coverage_of(points)

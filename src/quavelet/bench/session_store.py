@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import tempfile
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 
@@ -31,6 +33,7 @@ class SessionStore:
         self.path = out.with_name(f"{out.name}.session")
         self.failure = ""
         self._written = -1
+        self._unwritten: Evidence | None = None
 
     def load(self, chip: Chip | None = None) -> Evidence:
         """What was measured. Raises CalibrationError where there is nothing, or it is not of this chip and setting."""
@@ -53,25 +56,62 @@ class SessionStore:
         """Write what is new. False where it cannot be: `failure` says why, and what was there before still is."""
         if evidence.count() == self._written:
             return not self.failure
-        data = msgspec.msgpack.encode(Kept(quavelet_session=VERSION, evidence=evidence))
-        beside = self.path.with_name(f"{self.path.name}.new")
         try:
-            with beside.open("wb") as file:
-                file.write(data)
-                file.flush()
-                os.fsync(file.fileno())
-            beside.replace(self.path)
+            _replace(self.path, evidence)
         except OSError as error:
-            with suppress(OSError):
-                beside.unlink(missing_ok=True)
+            self._unwritten = evidence
             self.failure = f"{self.path} cannot be written ({error.strerror}): make room, nothing measured is lost yet"
             return False
-        self._written, self.failure = evidence.count(), ""
+        self._written, self._unwritten, self.failure = evidence.count(), None, ""
         return True
+
+    def last_words(self, *, then: str) -> str:
+        """What is to be said of the file at the end of a session that was not finished, and that `then` it goes on;
+        "" where there is no file.
+
+        What could not be written is put into another folder, if there is one that takes it.
+        """
+        if self._unwritten is None or self.keep(self._unwritten):
+            return f"what was measured is kept in {self.path}: {then}" if self.path.exists() else ""
+        why = self.failure.partition(": make room")[0]
+        for folder in _elsewhere(self.path.parent):
+            other = folder / self.path.name
+            with suppress(OSError):
+                _replace(other, self._unwritten)
+                return f"{why}: what was measured is kept in {other}; make room, move it there, and {then}"
+        if self.path.exists():
+            return f"{why}, nor anywhere else: make room, and with what the file holds from before {then}"
+        return f"{why}, nor anywhere else: what was measured is lost; make room, and begin anew"
 
     def forget(self) -> None:
         """The session is finished: remove its file."""
         self.path.unlink(missing_ok=True)
+
+
+def _elsewhere(folder: Path) -> Iterator[Path]:
+    """Other folders, made where there is none."""
+    if Path.home() != folder:
+        yield Path.home()
+    with suppress(OSError):
+        made = Path(tempfile.mkdtemp(prefix="quavelet-"))
+        yield made
+        made.rmdir()  # asked for another: this one took nothing
+
+
+def _replace(path: Path, evidence: Evidence) -> None:
+    """All of it, or nothing. Raises OSError."""
+    data = msgspec.msgpack.encode(Kept(quavelet_session=VERSION, evidence=evidence))
+    beside = path.with_name(f"{path.name}.new")
+    try:
+        with beside.open("wb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        beside.replace(path)
+    except OSError:
+        with suppress(OSError):
+            beside.unlink(missing_ok=True)
+        raise
 
 
 def _in_words(chip: Chip) -> str:

@@ -100,10 +100,12 @@ def fit_magnetometer(field_ut: FloatArray) -> MagnetometerFit:
 
 
 def coverage_of(directions: FloatArray) -> float:
-    """What part of all directions is near one of these vectors (N, 3): for showing while the board is turned."""
-    if not len(directions):
+    """What part of all directions is near one of these vectors (N, 3): for showing while the board is turned. A vector
+    of no length has no direction."""
+    length = np.linalg.norm(directions, axis=1)
+    if not length.any():
         return 0.0
-    unit = directions / np.linalg.norm(directions, axis=1)[:, None]
+    unit = directions[length > 0.0] / length[length > 0.0, None]
     return float(((sphere_points(CELLS) @ unit.T).max(axis=1) > np.cos(CELL_RAD)).mean())
 
 

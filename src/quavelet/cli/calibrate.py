@@ -311,10 +311,8 @@ class _Stop:
 
 
 def _tell_kept(store: SessionStore, *, then: str = RESUME) -> None:
-    if store.failure:
-        talk(store.failure)
-    elif store.path.exists():
-        talk(f"what was measured is kept in {store.path}: {then}")
+    if words := store.last_words(then=then):
+        talk(words)
 
 
 InChip = Callable[[CalibrationRecord], tuple[CalibrationRecord, Finding]]

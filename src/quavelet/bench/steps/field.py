@@ -64,4 +64,4 @@ def coverage(field_ut: FloatArray) -> float:
     """What part of all directions the field (N, 3) was seen in, about the middle of its ends, 0 to 1."""
     some = field_ut[:: max(1, len(field_ut) // SOME)]
     away = some - 0.5 * (field_ut.max(axis=0) + field_ut.min(axis=0))
-    return coverage_of(away[np.linalg.norm(away, axis=1) > 0.0])
+    return coverage_of(away)
