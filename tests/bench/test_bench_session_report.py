@@ -83,4 +83,7 @@ def test_noise_and_field_are_drawn_with_their_figures(result, tmp_path):
     found = re.search(r"The gyroscope&#x27;s density in SI: x (\S+), y \S+, z \S+ rad/s/rtHz", text)
     assert found is not None
     assert float(found[1]) == pytest.approx(density, rel=0.1)
+    figures = {name: value for one in verdict(result) for name, value in one.figures.items()}
+    assert figures["density_dps_rthz"] == pytest.approx(density / RAD_PER_DEG, rel=0.1)
+    assert figures["after_percent"] < 1.0 < figures["before_percent"]
     assert len(page) < 500_000, "to be sent to somebody"

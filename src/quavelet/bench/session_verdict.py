@@ -65,7 +65,10 @@ def verdict(result: Result) -> list[Finding]:
                 ok=after <= GOOD_FIELD,
                 found=f"strength within {100 * after:.1f} % rms, {100 * result.field.rms_before:.0f} % before",
                 advice="" if after <= GOOD_FIELD else "turn it away from iron and cables, and once more",
-                figures={"rms_before": result.field.rms_before, "rms_after": after},
+                figures={
+                    "before_percent": round(100 * result.field.rms_before, 3),
+                    "after_percent": round(100 * after, 3),
+                },
             )
         )
     if result.noise:
@@ -185,13 +188,14 @@ def _noise(noise: tuple[AxisNoise, ...]) -> Iterator[Finding]:
         seen = [fit.instability.value / sheet.unit_si for fit in fits if fit.instability.seen]
         instability = f"{max(seen):.2g} {sheet.unit}" if seen else "too small for so short a run"
         word = sheet.word(worst)
+        unit = f"{sheet.unit.replace('deg/s', 'dps')}_rthz"
         yield Finding(
             name=f"{sheet.name} noise",
             ok=True,
             found=f"{word}: {worst / sheet.unit_si:.3g} {sheet.unit}/rtHz at most, the data sheet says "
             f"{sheet.density:g}; bias instability {instability}",
             advice="" if word != "poor" else "look for vibration, a weak supply, or a damaged chip",
-            figures={"density": worst / sheet.unit_si, "sheet": sheet.density},
+            figures={f"density_{unit}": round(worst / sheet.unit_si, 6), f"sheet_{unit}": sheet.density},
         )
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from quavelet.calibration.allan import ACCEL, GYRO, AllanCurve, DataSheet, NoiseFit, allan_deviation_of, fit_noise
+from quavelet.calibration.allan import ACCEL, GYRO, AllanCurve, DataSheet, NoiseFit, Term, allan_deviation_of, fit_noise
 from quavelet.core.blocks import FloatArray
 
 
@@ -21,6 +21,23 @@ class AxisNoise:
     mean: float
     curve: AllanCurve
     fit: NoiseFit | None
+
+    def figures(self) -> dict[str, str | float | dict[str, float]]:
+        """All of it in SI, for JSON; the curve by its least deviation alone."""
+        least, tau_s = self.curve.minimum()
+        found: dict[str, str | float | dict[str, float]] = {
+            "sensor": self.sheet.name,
+            "axis": self.axis,
+            "mean": self.mean,
+            "least_deviation": least,
+            "averaged_over_s": tau_s,
+        }
+        if self.fit:
+            found["word"] = self.sheet.word(self.fit.density.value)
+            for name in ("density", "instability", "walk", "ramp"):
+                term: Term = getattr(self.fit, name)
+                found[name] = {"value": term.value, "sigma": term.sigma, "limit": term.limit}
+        return found
 
 
 def noise_of(stretches: Sequence[tuple[FloatArray, FloatArray]], *, period_s: float) -> tuple[AxisNoise, ...]:

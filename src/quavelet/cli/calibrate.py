@@ -34,7 +34,7 @@ from quavelet.calibration.record_file import (
 )
 from quavelet.cli import exits, options
 from quavelet.cli.calibrate_operator import operator_for
-from quavelet.cli.doctor import show_lines
+from quavelet.cli.calibrate_told import Calibrated, tell
 from quavelet.cli.run import stopped_by_signals, talk
 from quavelet.core.clock import Clock, MonotonicClock, VirtualClock
 from quavelet.core.errors import CalibrationError, ImuError, RecordingError, SettingsError
@@ -84,23 +84,6 @@ WriteOffsets = Annotated[
 Report = Annotated[
     Path | None, typer.Option("--report", help="Write a page of what was measured.", metavar="HTML", show_default=False)
 ]
-
-
-class Calibrated(msgspec.Struct, frozen=True, kw_only=True):
-    """The JSON of `quavelet calibrate`.
-
-    verdict   "good", "not good enough", or "worse" than the calibration that is there
-    saved     where; None where it was not
-    reason    why it was not saved, "" where it was
-    """
-
-    v: int
-    src: str
-    verdict: str
-    saved: str | None
-    reason: str
-    findings: tuple[Finding, ...]
-    record: CalibrationRecord
 
 
 def calibrate(
@@ -362,12 +345,17 @@ def _ended(
     if report is not None:
         write_report(report, result, findings, src=src, verdict=word, saved=saved, reason=reason)
         talk(f"{report} written")
-    told = Calibrated(v=1, src=src, verdict=word, saved=saved, reason=reason, findings=tuple(findings), record=record)
-    if json:
-        exits.put(msgspec.json.encode(told).decode())
-    else:
-        for finding in [*findings, _summary(told)]:
-            show_lines(finding)
+    told = Calibrated(
+        v=1,
+        src=src,
+        verdict=word,
+        saved=saved,
+        reason=reason,
+        findings=tuple(findings),
+        record=record,
+        noise=tuple(one.figures() for one in result.noise),
+    )
+    tell(told, as_json=json)
     if store is not None and not finished:
         _tell_kept(store, then=MORE if reason else RESUME)
     if failure is not None:
@@ -394,10 +382,3 @@ def _put_in_chip(
         return record, finding, error
     save_record(record, out, even_if_worse=True)
     return record, finding, None
-
-
-def _summary(told: Calibrated) -> Finding:
-    fake = " (of a fake chip: NOT A REAL ONE)" if "fake:" in told.src else ""
-    if told.saved is None:
-        return Finding(name="verdict", ok=told.verdict == "good", found=told.reason)
-    return Finding(name="verdict", ok=True, found=f"{told.verdict}{fake}; saved as {told.saved}")

@@ -15,8 +15,6 @@ from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.text import Text
 
-from quavelet.calibration.allan import Term
-from quavelet.calibration.noise import AxisNoise
 from quavelet.cli import exits, options
 from quavelet.cli.run import talk
 from quavelet.cli.tables import console_for, table_of
@@ -112,24 +110,6 @@ def _show_json(report: Report) -> None:
         "seconds": report.recorded.seconds,
         "damage": report.recorded.damage,
         "methods": [{"name": ran.method.name, **figures(report, ran)} for ran in report.runs],
-        "noise": [_noise(one) for one in report.noise],
+        "noise": [one.figures() for one in report.noise],
     }
     exits.put(msgspec.json.encode(plain).decode())
-
-
-def _noise(one: AxisNoise) -> dict[str, str | float | dict[str, float]]:
-    """One axis in SI."""
-    least, tau_s = one.curve.minimum()
-    found: dict[str, str | float | dict[str, float]] = {
-        "sensor": one.sheet.name,
-        "axis": one.axis,
-        "mean": one.mean,
-        "least_deviation": least,
-        "averaged_over_s": tau_s,
-    }
-    if one.fit:
-        found["word"] = one.sheet.word(one.fit.density.value)
-        for name in ("density", "instability", "walk", "ramp"):
-            term: Term = getattr(one.fit, name)
-            found[name] = {"value": term.value, "sigma": term.sigma, "limit": term.limit}
-    return found
