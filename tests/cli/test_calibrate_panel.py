@@ -74,6 +74,11 @@ def test_all_steps_and_the_longest_words_fit_a_terminal_of_80_by_24(action):
             Instruction(action="turn", face="+z", turn_deg=-360.0),
             "moving, turned by -97° of -360°",
         ),
+        (
+            {"still_s": 0.0, "turned_deg": -97.0},
+            Instruction(action="turn", face="+z", turn_deg=180.0),
+            "moving, turned by -97° of 180°",
+        ),
         ({"face": "-x"}, Instruction(action="face", face="+y"), "-x  (asked for: +y)"),
         ({"face": None}, Instruction(action="face", face="+y"), "no face  (asked for: +y)"),
     ],

@@ -105,7 +105,7 @@ def _board(seen: Seen, needs_s: float, asked: Instruction | None, axes: Axes) ->
                 f"{min(seen.still_s, needs_s):.1f} of {needs_s:g} s",
             )
     else:
-        whole = f" of {asked.turn_deg:+.0f}°" if asked is not None and asked.turn_deg else ""
+        whole = f" of {_asked_turn(asked.turn_deg)}" if asked is not None and asked.turn_deg else ""
         turned = f", turned by {seen.turned_deg:+.0f}°{whole}" if abs(seen.turned_deg) >= SHOWN_DEG else ""
         still = Text(f"moving{turned}", style="bold yellow")
     facts.add_row("board", still)
@@ -113,6 +113,11 @@ def _board(seen: Seen, needs_s: float, asked: Instruction | None, axes: Axes) ->
     trend = "" if seen.trend_degc_min is None else f", {seen.trend_degc_min:+.2f} °C/min"
     facts.add_row("chip", f"{seen.temp_degc:.1f} °C{trend}")
     return facts
+
+
+def _asked_turn(turn_deg: float) -> str:
+    """A whole turn goes one way; half round is the same either way."""
+    return f"{turn_deg:+.0f}°" if abs(turn_deg) >= 360.0 else f"{abs(turn_deg):.0f}°"
 
 
 def _face(face: str | None, asked: str, axes: Axes) -> Text:

@@ -76,7 +76,7 @@ def show_lines(finding: Finding) -> None:
     mark, colour = ("BAD ", "red") if not finding.ok else ("note", "yellow") if finding.advice else ("ok  ", "green")
     # In a file or a pipe each finding and each advice is a line, for grep.
     width = max(INDENT + 20, min(120, shutil.get_terminal_size().columns)) if to_terminal else 10_000
-    wrap = partial(textwrap.wrap, break_on_hyphens=False)
+    wrap = partial(textwrap.wrap, break_on_hyphens=False, break_long_words=False)
     lines = wrap(f"{mark} {finding.name:<19} {finding.found}", width, subsequent_indent=" " * INDENT)
     if to_terminal:
         lines[0] = typer.style(mark, fg=colour, bold=True) + lines[0][len(mark) :]
