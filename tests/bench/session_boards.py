@@ -1,11 +1,11 @@
 """The whole guided session on boards drawn from the data sheet's limits, against their truth, and what the verdict says
-of them: `python tests/bench/session_boards.py [N]`."""
+of them: `python tests/bench/session_boards.py [BOARDS [SPOILT]]`."""
 
 from __future__ import annotations
 
 import sys
 import tempfile
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -147,15 +147,16 @@ class Table:
     spoilt: dict[str, list[Judged]]
 
 
-def table(seeds: Iterable[int], folder: Path, *, spoilt_by: Sequence[Spoilt] = SPOILT) -> Table:
-    """Each board as it was measured, and as it would have been with each thing that goes wrong; printed."""
+def table(seeds: Iterable[int], folder: Path, *, spoil: int) -> Table:
+    """Each board as it was measured, and `spoil` of them as they would have been with each thing that goes wrong;
+    printed."""
     well: list[Judged] = []
-    spoilt: dict[str, list[Judged]] = {kind.name: [] for kind in spoilt_by}
+    spoilt: dict[str, list[Judged]] = {kind.name: [] for kind in SPOILT}
     for seed in seeds:
         evidence, truth = measured(seed, folder)
         well.append(judged(evidence, truth))
         kept = msgspec.msgpack.encode(evidence)
-        for kind in spoilt_by:
+        for kind in SPOILT if len(well) <= spoil else ():
             copy = msgspec.msgpack.decode(kept, type=Evidence)
             kind.spoil(copy, np.random.default_rng([7, seed]))
             spoilt[kind.name].append(judged(copy, truth, kind))
@@ -169,5 +170,7 @@ def table(seeds: Iterable[int], folder: Path, *, spoilt_by: Sequence[Spoilt] = S
 
 
 if __name__ == "__main__":
+    said = [int(one) for one in sys.argv[1:]]
+    boards, spoil = [*said, 200, 40][:1] + [*said[1:], 40][:1]
     with tempfile.TemporaryDirectory() as place:
-        table(range(FIRST, FIRST + (int(sys.argv[1]) if len(sys.argv) > 1 else 200)), Path(place))
+        table(range(FIRST, FIRST + boards), Path(place), spoil=spoil)
