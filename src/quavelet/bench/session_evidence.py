@@ -90,6 +90,7 @@ class Evidence(msgspec.Struct, kw_only=True):
     """Everything that was measured; only added to.
 
     done      names of the steps that are finished, in their order
+    begun     by step in which the board lies, how many of `rest` there were before it
     rest      poses of the board lying: bias, and how it goes with temperature
     placed    one of each face it was put on
     poses     held in any attitude
@@ -101,6 +102,7 @@ class Evidence(msgspec.Struct, kw_only=True):
 
     chip: Chip
     done: list[str] = []
+    begun: dict[str, int] = {}
     rest: list[StillPose] = []
     placed: list[StillPose] = []
     poses: list[StillPose] = []

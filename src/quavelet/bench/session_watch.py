@@ -17,6 +17,8 @@ from quavelet.core.units import DEG_PER_RAD, NS_PER_S
 POSE_S = 3.0
 STILL_S = POSE_S + 0.5
 """A pose needs a little more than its own length: its ends are left off."""
+COLDEST_DEGC, HOTTEST_DEGC = -30.0, 75.0
+"""PS 6.1: the chip is specified from -40 to 85 degC; what it shows near the ends counts for nothing."""
 LONGEST_MOVE_S = 40.0
 TREND_S = 30.0
 TREND_LEAST_S = 15.0
@@ -64,8 +66,9 @@ class Watch:
         """What these samples (at least one) show."""
         rows = self._si.process(raw)
         self._since.append(raw)
-        poses = self._collector.process(rows)
-        moves = [move for pose in poses if (move := self._move_to(pose)) is not None]
+        every = self._collector.process(rows)
+        moves = [move for pose in every if (move := self._move_to(pose)) is not None]
+        poses = [pose for pose in every if _within(pose)]
         force = rows.accel_m_s2.mean(axis=0)
         t_s, temp = float(rows.t_ns[-1]) / NS_PER_S, float(rows.temp_degc.mean())
         return Seen(
@@ -78,7 +81,7 @@ class Watch:
             temp_degc=temp,
             trend_degc_min=self._trend(t_s, temp),
             lost=bool((raw.flags & Flag.GAP).any()),
-            turned_deg=self._turned(rows, poses),
+            turned_deg=self._turned(rows, every),
         )
 
     def ended(self) -> tuple[list[StillPose], list[Move]]:
@@ -100,6 +103,8 @@ class Watch:
         self._since = [rows[int(np.searchsorted(rows.t_ns, pose.end_ns, side="right")) :]]
         if before is None or (pose.begin_ns - before.end_ns) > LONGEST_MOVE_S * NS_PER_S:
             return None
+        if not (_within(before) and _within(pose)):
+            return None
         begin, end = np.searchsorted(rows.t_ns, [before.end_ns, pose.begin_ns], side="right").tolist()
         between = rows[begin:end]
         # Pieces of one stretch leave one window between them, and two stretches more.
@@ -117,3 +122,7 @@ class Watch:
         t, temp = np.array(temps).T
         t = t - t.mean()
         return float(60.0 * (t @ temp) / (t @ t))
+
+
+def _within(pose: StillPose) -> bool:
+    return COLDEST_DEGC <= pose.temp_degc <= HOTTEST_DEGC

@@ -6,7 +6,7 @@ import numpy as np
 
 from quavelet.bench.session_evidence import Move
 from quavelet.bench.session_watch import STILL_S, Seen
-from quavelet.bench.steps.lying import too_hot
+from quavelet.bench.steps.lying import beyond_sheet
 from quavelet.bench.steps.step import Step
 from quavelet.calibration.poses import StillPose
 from quavelet.core.blocks import FloatArray
@@ -58,7 +58,7 @@ class Faces(Step):
         return STILL_S
 
     def take(self, seen: Seen) -> None:
-        if hot := too_hot(seen):
+        if hot := beyond_sheet(seen):
             self.notice = hot
             return
         if seen.still_s == 0.0:
@@ -119,7 +119,7 @@ class _Held(Step):
         return STILL_S
 
     def take(self, seen: Seen) -> None:
-        if hot := too_hot(seen):
+        if hot := beyond_sheet(seen):
             self.notice = hot
             return
         if seen.still_s == 0.0:

@@ -6,7 +6,7 @@ import numpy as np
 
 from quavelet.bench.session_evidence import Evidence, StillRun
 from quavelet.bench.session_watch import Seen
-from quavelet.bench.steps.lying import MOVED, too_hot
+from quavelet.bench.steps.lying import MOVED, beyond_sheet
 from quavelet.bench.steps.step import Step
 from quavelet.core.blocks import CountArray
 from quavelet.core.instruction import Instruction
@@ -63,7 +63,7 @@ class LongStill(Step):
         return self._kept_s + self._elapsed_s
 
     def take(self, seen: Seen) -> None:
-        hot = too_hot(seen)
+        hot = beyond_sheet(seen)
         if seen.still_s == 0.0 or seen.lost or hot:
             if self._elapsed_s > KEPT_EACH_S or hot or seen.lost:
                 self.notice = hot or f"{LOST if seen.lost else MOVED}; {self._end()}"

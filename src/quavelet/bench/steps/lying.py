@@ -2,27 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from quavelet.bench.session_evidence import Evidence
-from quavelet.bench.session_watch import POSE_S, STILL_S, Seen
+from quavelet.bench.session_watch import COLDEST_DEGC, HOTTEST_DEGC, POSE_S, STILL_S, Seen
 from quavelet.bench.steps.step import Step
+from quavelet.calibration.poses import StillPose
 from quavelet.core.instruction import Instruction
 from quavelet.core.units import NS_PER_S
 
 SETTLED_DEGC_MIN = 0.5
 """At 0.19 deg/s/degC the data sheet's worst bias then goes by 0.1 deg/s a minute, which the poses follow."""
 WARM_UP_LONGEST_S = 600.0
-HOTTEST_DEGC = 75.0
-"""PS 6.1: the chip is specified up to 85 degC."""
 REST_POSES = 7
 SPAN_DEGC = 12.0
 STANDS_S = 45.0
 MOVED = "the board was moved: put it down, let go, and leave it"
 
 
-def too_hot(seen: Seen) -> str:
+def beyond_sheet(seen: Seen) -> str:
     """What is to be said of the temperature, "" where it is within the data sheet's with a margin."""
-    if seen.temp_degc <= HOTTEST_DEGC:
+    if COLDEST_DEGC <= seen.temp_degc <= HOTTEST_DEGC:
         return ""
+    if seen.temp_degc < COLDEST_DEGC:
+        return f"the chip is at {seen.temp_degc:.0f} degC, and is not specified below -40: let it warm up"
     return f"the chip is at {seen.temp_degc:.0f} degC, and is not specified beyond 85: take the heat away"
 
 
@@ -34,7 +37,7 @@ class WarmUp(Step):
 
     def __init__(self, evidence: Evidence) -> None:
         super().__init__(evidence)
-        self._done = False
+        self._done = self._was_still = False
         self._begun_ns: int | None = None
         self._steepest = 0.0
         self._trend: float | None = None
@@ -58,16 +61,37 @@ class WarmUp(Step):
     def take(self, seen: Seen) -> None:
         now_ns = int(seen.rows.t_ns[-1])
         self._begun_ns = self._begun_ns or now_ns
-        self.notice = too_hot(seen)
-        self.evidence.rest += seen.poses
+        was_still, self._was_still = self._was_still, seen.still_s > 0.0
+        wrong = beyond_sheet(seen)
+        if wrong:
+            self.notice = wrong
+        elif was_still and not self._was_still:
+            self.notice = MOVED
+        elif seen.poses or self.notice != MOVED:
+            self.notice = ""
+        if not wrong:
+            self.evidence.rest += seen.poses
         self._trend = seen.trend_degc_min
-        if self._trend is None or self.notice:
+        if self._trend is None or wrong:
             return
         self._steepest = max(self._steepest, abs(self._trend))
         self._done = abs(self._trend) < SETTLED_DEGC_MIN or now_ns - self._begun_ns > WARM_UP_LONGEST_S * 1e9
 
 
-class Rest(Step):
+class _Lying(Step):
+    """Poses of the lying board, from where the step was begun."""
+
+    @property
+    def poses(self) -> list[StillPose]:
+        rest = self.evidence.rest
+        return rest[self.evidence.begun.get(self.name, len(rest)) :]
+
+    def keep(self, poses: Iterable[StillPose]) -> None:
+        self.evidence.begun.setdefault(self.name, len(self.evidence.rest))
+        self.evidence.rest += poses
+
+
+class Rest(_Lying):
     """Twenty seconds of stillness: the gyroscope's bias."""
 
     name = "rest"
@@ -75,7 +99,6 @@ class Rest(Step):
 
     def __init__(self, evidence: Evidence) -> None:
         super().__init__(evidence)
-        self._poses = 0
         self._since_s = 0.0
 
     @property
@@ -84,14 +107,14 @@ class Rest(Step):
 
     @property
     def progress(self) -> float:
-        return min(1.0, (self._poses + min(self._since_s, 0.9 * STILL_S) / STILL_S) / REST_POSES)
+        return min(1.0, (len(self.poses) + min(self._since_s, 0.9 * STILL_S) / STILL_S) / REST_POSES)
 
     @property
     def status(self) -> str:
-        return f"{min(REST_POSES, self._poses) * POSE_S:.0f} of {REST_POSES * POSE_S:.0f} s"
+        return f"{min(REST_POSES, len(self.poses)) * POSE_S:.0f} of {REST_POSES * POSE_S:.0f} s"
 
     def take(self, seen: Seen) -> None:
-        hot, was_still = too_hot(seen), self._since_s > 0.0
+        hot, was_still = beyond_sheet(seen), self._since_s > 0.0
         self._since_s = min(seen.still_s, STILL_S)
         if hot:
             self.notice = hot
@@ -101,15 +124,14 @@ class Rest(Step):
             # Who looks at the board and not at the screen finds it there until it is mended.
             self.notice = ""
         if not hot:
-            self._poses += len(seen.poses)
-            self.evidence.rest += seen.poses
+            self.keep(seen.poses)
 
     @property
     def needs_s(self) -> float:
         return STILL_S
 
 
-class Temperature(Step):
+class Temperature(_Lying):
     """The board is warmed and lies while it cools: the bias over so many degrees, or until it cools no more."""
 
     name = "temperature"
@@ -117,7 +139,6 @@ class Temperature(Step):
 
     def __init__(self, evidence: Evidence) -> None:
         super().__init__(evidence)
-        self._temps: list[float] = []
         self._stands_since_ns: int | None = None
         self._trend: float | None = None
 
@@ -134,11 +155,10 @@ class Temperature(Step):
         return f"{self._span:.1f} of {SPAN_DEGC:g} degC"
 
     def take(self, seen: Seen) -> None:
-        self.notice = too_hot(seen)
+        self.notice = beyond_sheet(seen)
         self._trend = seen.trend_degc_min
         if not self.notice:
-            self.evidence.rest += seen.poses
-            self._temps += [pose.temp_degc for pose in seen.poses]
+            self.keep(seen.poses)
         now_ns = int(seen.rows.t_ns[-1])
         if self._trend is None or abs(self._trend) >= SETTLED_DEGC_MIN:
             self._stands_since_ns = None
@@ -154,4 +174,5 @@ class Temperature(Step):
 
     @property
     def _span(self) -> float:
-        return max(self._temps) - min(self._temps) if self._temps else 0.0
+        temps = [pose.temp_degc for pose in self.poses]
+        return max(temps) - min(temps) if temps else 0.0

@@ -6,7 +6,7 @@ import numpy as np
 
 from quavelet.bench.session_evidence import Move
 from quavelet.bench.session_watch import STILL_S, Seen
-from quavelet.bench.steps.lying import too_hot
+from quavelet.bench.steps.lying import beyond_sheet
 from quavelet.bench.steps.step import Step
 from quavelet.calibration.model import Vector
 from quavelet.core.blocks import Flag
@@ -17,6 +17,10 @@ TURN_FACES = ("+z", "+x", "+y")
 WAYS = (1, -1)
 WITHIN = 0.10
 """A turn is by whole circles where the angle is so near to one: 3 % of scale, and 2 % of other axes' rates."""
+
+
+LOST_TURN = "samples were lost in that turn: look at its plug and wires, and make it once more"
+SLOW_TURN = "that took longer than 40 s: turn it within some five to twenty seconds"
 
 
 class Turns(Step):
@@ -39,6 +43,9 @@ class Turns(Step):
             return Instruction(action="face", face=face)
         return Instruction(action="turn", face=face, turn_deg=way * WHOLE_TURN_DEG)
 
+    _lost = False
+    _moved = False
+    """Since the last pose."""
     _up: str | None = None
     """The face that lies measured, from which a turn can begin."""
 
@@ -56,11 +63,18 @@ class Turns(Step):
         return STILL_S
 
     def take(self, seen: Seen) -> None:
-        if hot := too_hot(seen):
+        if hot := beyond_sheet(seen):
             self.notice = hot
             return
+        self._lost = self._lost or seen.lost
+        self._moved = self._moved or seen.still_s == 0.0
         for move in seen.moves:
             self._judge(move)
+        if seen.poses and not seen.moves and self._moved and self._up is not None:
+            self.notice = LOST_TURN if self._lost else SLOW_TURN
+            self.asks += 1
+        if seen.poses:
+            self._lost = self._moved = False
         for pose in seen.poses:
             self._up = pose.face
         if (seen.raw.flags & Flag.GYRO_CLIPPED).any():
