@@ -112,6 +112,8 @@ def check_writable(path: Path) -> None:
     """
     if path.is_dir():
         raise CalibrationError(f"{path}: is a folder: give the path of a file")
+    if path.exists() and not path.is_file():
+        raise CalibrationError(f"{path}: is a device or a pipe, which would be replaced: give the path of a file")
     if path.exists() and not os.access(path, os.W_OK):
         raise CalibrationError(f"{path}: may not be written: {_REMEDY}")
     try:

@@ -39,7 +39,7 @@ from quavelet.cli.run import stopped_by_signals, talk
 from quavelet.core.clock import Clock, MonotonicClock, VirtualClock
 from quavelet.core.errors import CalibrationError, ImuError, RecordingError, SettingsError
 from quavelet.core.health import Health
-from quavelet.drawing.page import check_drawing
+from quavelet.drawing.page import check_drawing, check_place
 from quavelet.imu import offsets_table
 from quavelet.mpu6050.access import RegisterAccess
 from quavelet.mpu6050.fingerprint import fingerprint_of
@@ -54,6 +54,9 @@ ALL = "all"
 USUAL_STEPS = ",".join(USUAL)
 RESUME = "the same command with --resume goes on with it"
 MORE = "--resume with other --steps adds to it; to begin anew, remove it"
+LYING = ("warm-up", "allan")
+"""For these nobody need touch the board; all else is judged by poses in the end."""
+ALONE = ",".join(LYING)
 PATIENCE_S = 1800.0
 """A step that takes longer with nobody there does not come to its end."""
 
@@ -112,7 +115,9 @@ def calibrate(
     """
     if report is not None:
         check_drawing()
-    names = with_check(STEPS if steps == ALL else [name.strip() for name in steps.split(",") if name.strip()])
+        check_place(report)
+    asked = [name.strip().lower() for name in steps.split(",") if name.strip()]
+    names = with_check(STEPS if ALL in asked else asked)
     settings = options.settings_of(bus, address, config, accept_id).settings
     if "magnetometer" in names and not settings.magnetometer.used:
         settings = msgspec.structs.replace(settings, magnetometer=MagnetometerParams(use="auto"))
@@ -163,6 +168,11 @@ def _measured(
     """The whole session on a board. Raises Exit where it was stopped, ImuError where it cannot go on."""
     if isinstance(i2c, FollowsInstructions) and not yes:
         raise SettingsError(f"nobody moves the board of {settings.bus.name} by hand: give --yes, and it moves itself")
+    if yes and not isinstance(i2c, FollowsInstructions) and not set(names) <= set(LYING):
+        raise SettingsError(
+            f"--yes is for a board that moves itself, as that of fake:bench; somebody must move that of "
+            f"{settings.bus.name}: leave --yes out, or take --steps {ALONE} only"
+        )
     source = ChipSource(
         i2c,
         address=settings.bus.address,
@@ -175,11 +185,11 @@ def _measured(
     )
     chip = _chip(i2c, source.wait_until_streaming(), settings, clock)
     out = out or default_path(chip.identity)
+    store = SessionStore(out)
+    evidence = _begun(store, chip, resume=resume)
     check_writable(out)
     if not force:
         check_same_chip(out, chip.identity)
-    store = SessionStore(out)
-    evidence = _begun(store, chip, resume=resume)
     session, stop = Session(names, evidence, axes=settings.mounting.axes), _Stop()
     try:
         with operator_for(i2c, quiet=quiet) as operator, stopped_by_signals(stop):
@@ -342,9 +352,6 @@ def _ended(
     finished = failure is None and (saved is not None or not (bad or worse))
     if store is not None and finished:
         store.forget()
-    if report is not None:
-        write_report(report, result, findings, src=src, verdict=word, saved=saved, reason=reason)
-        talk(f"{report} written")
     told = Calibrated(
         v=1,
         src=src,
@@ -358,6 +365,10 @@ def _ended(
     tell(told, as_json=json)
     if store is not None and not finished:
         _tell_kept(store, then=MORE if reason else RESUME)
+    if report is not None:
+        # Last, so that a page that cannot be written takes nothing else with it.
+        write_report(report, result, findings, src=src, verdict=word, saved=saved, reason=reason)
+        talk(f"{report} written")
     if failure is not None:
         return exits.exit_code(failure)
     return exits.VERDICT_FAILED if bad or worse else exits.OK

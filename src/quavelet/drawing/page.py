@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import KW_ONLY, dataclass
 from html import escape
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import Literal
 
 import numpy as np
@@ -142,6 +143,18 @@ def write(path: Path, data: bytes) -> None:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(data)
+    except OSError as error:
+        raise PageError(f"{path} cannot be written ({error.strerror}): give another place") from error
+
+
+def check_place(path: Path) -> None:
+    """Raise PageError where a page could not be written, found out by trying, before the long work and not after it."""
+    if path.is_dir():
+        raise PageError(f"{path} is a folder: give the path of a file")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with TemporaryFile(dir=path.parent):
+            pass
     except OSError as error:
         raise PageError(f"{path} cannot be written ({error.strerror}): give another place") from error
 
