@@ -322,3 +322,22 @@ def test_a_drawn_board_with_its_offsets_in_the_chip_is_as_right_as_one_without(s
         assert tilt_deg < 0.3
         assert np.linalg.norm(found) == pytest.approx(STANDARD_GRAVITY_M_S2, rel=3e-3)
         assert rate_dps < 0.05
+
+
+class Interrupted(FakeBus):
+    """Ctrl-C comes at the first word that is not the factory's, once."""
+
+    pressed = False
+
+    def write(self, address: int, data: bytes) -> None:
+        super().write(address, data)
+        if data[0] == 0x14 and data[1] and not self.pressed:
+            self.pressed = True
+            raise KeyboardInterrupt
+
+
+def test_ctrl_c_while_they_are_written_leaves_no_words_of_a_trial_in_the_chip():
+    board = Board(bus=Interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        board.write()
+    assert board.words() == board.factory

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import msgspec
 import pytest
 from session_rig import Bench
 from typer.testing import CliRunner
@@ -16,6 +17,7 @@ from quavelet.bench.session_store import SessionStore
 from quavelet.calibration.record_file import load_record
 from quavelet.cli import calibrate, exits
 from quavelet.cli.app import app
+from quavelet.core.errors import CalibrationError
 
 FULL_BYTES = 1000
 
@@ -120,3 +122,26 @@ def test_a_calibration_that_cannot_be_saved_is_saved_by_resuming_without_measuri
     assert "Lean" not in again.stderr
     assert load_record(out).gyro_bias is not None
     assert sorted(path.name for path in tmp_path.iterdir()) == ["c.toml"]
+
+
+def test_a_session_in_which_nothing_was_measured_leaves_no_file(tmp_path):
+    bench = Bench(["poses"], out=tmp_path / "c.toml")
+    assert not bench.conduct(stopped=lambda: bench.s > 6.0)
+    assert bench.evidence.count() == 0
+    assert bench.store.last_words(then="go on") == ""
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_session_is_gone_on_with_on_whatever_bus_its_chip_is_plugged_in(tmp_path):
+    bench = Bench(["faces"], out=tmp_path / "c.toml")
+    known = msgspec.structs.replace(bench.chip.identity, fingerprint="0a0b")
+    bench.evidence.chip = msgspec.structs.replace(bench.chip, identity=known)
+    measured(bench, 2)
+    elsewhere = msgspec.structs.replace(known, bus="fake:other", address=0x69)
+    chip = msgspec.structs.replace(bench.chip, identity=elsewhere)
+    kept = SessionStore(tmp_path / "c.toml").load(chip)
+    assert (len(kept.placed), kept.chip) == (2, chip)
+    for changed in ({"fingerprint": "0a0c"}, {"bus": "linux:1"}, {"who_am_i": 0x70}):
+        other = msgspec.structs.replace(chip, identity=msgspec.structs.replace(elsewhere, **changed))
+        with pytest.raises(CalibrationError, match="another chip"):
+            SessionStore(tmp_path / "c.toml").load(other)

@@ -48,22 +48,33 @@ def write_offsets(
 
     `record` must be of the chip with the factory's words. Gives the record for the chip with its offsets, and what was
     found. Raises CalibrationError where the board does not rest, or the chip does not take its offsets: the factory's
-    words are then in it again; BusError, DeviceLost, ChipUnstable where it does not answer.
+    words are then in it again, if it answers; BusError, DeviceLost, ChipUnstable where it does not.
     """
     tell(SAY)
-    for left in reversed(range(TRIES)):
-        try:
-            source = _source(i2c, settings, clock, None)
-            still_pose(source, settings=settings, clock=clock)
-            written = _taken_off(record, _write(i2c, record, source.wait_until_streaming(), clock))
-            return written, _seen(i2c, written, settings, clock)
-        except CalibrationError as error:
-            if not left:
-                with suppress(ImuError):
-                    _source(i2c, settings, clock, None).wait_until_streaming()
-                raise
-            tell(f"{error}; {AGAIN}")
+    try:
+        for left in reversed(range(TRIES)):
+            try:
+                return _once(i2c, record, settings, clock, tell)
+            except CalibrationError as error:
+                if not left:
+                    raise
+                tell(f"{error}; {AGAIN}")
+    except BaseException:
+        # Whatever ended it, Ctrl-C too: no words of a trial are left in the chip, if it still answers.
+        with suppress(ImuError):
+            _source(i2c, settings, clock, None).wait_until_streaming()
+        raise
     raise AssertionError("the last try raises")
+
+
+def _once(
+    i2c: I2CBus, record: CalibrationRecord, settings: Settings, clock: Clock, tell: Callable[[str], None]
+) -> tuple[CalibrationRecord, Finding]:
+    source = _source(i2c, settings, clock, None)
+    still_pose(source, settings=settings, clock=clock)
+    tell("it lies still, and is measured")
+    written = _taken_off(record, _write(i2c, record, source.wait_until_streaming(), clock))
+    return written, _seen(i2c, written, settings, clock)
 
 
 def _write(i2c: I2CBus, record: CalibrationRecord, info: StreamInfo, clock: Clock) -> OffsetsTaken:

@@ -45,11 +45,13 @@ class SessionStore:
             raise CalibrationError(f"{self.path} cannot be read ({error}): remove it, and begin anew") from error
         if kept.quavelet_session != VERSION:
             raise CalibrationError(f"{self.path} is of another version of quavelet: remove it, and begin anew")
-        if chip is not None and kept.evidence.chip != chip:
+        if chip is not None and not _is_same(kept.evidence.chip, chip):
             raise CalibrationError(
                 f"{self.path} is of another chip, or one set otherwise ({_in_words(kept.evidence.chip)}; this is "
                 f"{_in_words(chip)}): remove it, and begin anew"
             )
+        if chip is not None:
+            kept.evidence.chip = chip
         return kept.evidence
 
     def keep(self, evidence: Evidence) -> bool:
@@ -71,6 +73,8 @@ class SessionStore:
 
         What could not be written is put into another folder, if there is one that takes it.
         """
+        if self._unwritten is None and not self._written:
+            self.forget()  # Nothing was measured: the next session is not to stumble over it.
         if self._unwritten is None or self.keep(self._unwritten):
             return f"what was measured is kept in {self.path}: {then}" if self.path.exists() else ""
         why = self.failure.partition(": make room")[0]
@@ -112,6 +116,14 @@ def _replace(path: Path, evidence: Evidence) -> None:
         with suppress(OSError):
             beside.unlink(missing_ok=True)
         raise
+
+
+def _is_same(kept: Chip, chip: Chip) -> bool:
+    """Whether it is one chip, set the same way. By its factory's trim it is known on whatever bus it is."""
+    there, here = kept.identity, chip.identity
+    if there.fingerprint and there.is_fake == here.is_fake:
+        there = msgspec.structs.replace(there, bus=here.bus, address=here.address)
+    return msgspec.structs.replace(kept, identity=there) == chip
 
 
 def _in_words(chip: Chip) -> str:

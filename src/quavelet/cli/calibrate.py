@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
@@ -12,32 +11,26 @@ import msgspec
 import typer
 
 from quavelet.bench import chip_offsets
-from quavelet.bench.finding import Finding
 from quavelet.bench.session import STEPS, USUAL, Session, with_check
 from quavelet.bench.session_conduct import conduct
 from quavelet.bench.session_evidence import Chip, Evidence
-from quavelet.bench.session_older import why_worse, work_out_over
-from quavelet.bench.session_recorded import SHOWN, evidence_of
-from quavelet.bench.session_report import write_report
-from quavelet.bench.session_result import Result
+from quavelet.bench.session_older import work_out_over
 from quavelet.bench.session_store import SessionStore
-from quavelet.bench.session_verdict import verdict
 from quavelet.bus.open import open_bus
 from quavelet.bus.protocol import FollowsInstructions, I2CBus
-from quavelet.calibration.record import CalibrationRecord, ChipIdentity, OffsetsTable
+from quavelet.calibration.record import ChipIdentity
 from quavelet.calibration.record_file import (
     check_same_chip,
     check_writable,
     default_path,
-    from_toml,
-    save_record,
 )
 from quavelet.cli import exits, options
+from quavelet.cli.calibrate_ending import ended, tell_kept
 from quavelet.cli.calibrate_operator import operator_for
-from quavelet.cli.calibrate_told import Calibrated, tell
+from quavelet.cli.calibrate_recorded import chip_of, recorded_evidence
 from quavelet.cli.run import stopped_by_signals, talk
 from quavelet.core.clock import Clock, MonotonicClock, VirtualClock
-from quavelet.core.errors import CalibrationError, ImuError, RecordingError, SettingsError
+from quavelet.core.errors import CalibrationError, ImuError, SettingsError
 from quavelet.core.health import Health
 from quavelet.drawing.page import check_drawing, check_place
 from quavelet.imu import offsets_table
@@ -46,14 +39,10 @@ from quavelet.mpu6050.fingerprint import fingerprint_of
 from quavelet.mpu6050.magnetometer.asked import MagnetometerParams
 from quavelet.mpu6050.source import ChipSource
 from quavelet.mpu6050.stream import StreamInfo
-from quavelet.mpu6050.variants import MPU6050
-from quavelet.recording.recorded import Recorded, load_recorded
 from quavelet.settings import Settings
 
 ALL = "all"
 USUAL_STEPS = ",".join(USUAL)
-RESUME = "the same command with --resume goes on with it"
-MORE = "--resume with other --steps adds to it; to begin anew, remove it"
 LYING = ("warm-up", "allan")
 """For these nobody need touch the board; all else is judged by poses in the end."""
 ALONE = ",".join(LYING)
@@ -128,7 +117,7 @@ def calibrate(
         if from_file is not None:
             if virtual_time or resume:
                 raise typer.BadParameter("a recording has its own: leave --virtual-time, --resume out")
-            evidence, src, out = _recorded(from_file, out, settings, names, bus=bus)
+            evidence, src, out = recorded_evidence(from_file, out, settings, names, bus=bus)
         else:
             clock: Clock = VirtualClock() if options.on_virtual_time(settings, virtual_time) else MonotonicClock()
             i2c = stack.enter_context(open_bus(settings.bus.name, clock=clock))
@@ -139,7 +128,7 @@ def calibrate(
             if write_offsets:
                 in_chip = partial(chip_offsets.write_offsets, i2c, settings=settings, clock=clock, tell=talk)
         result = work_out_over(evidence, out, even_if_worse=force, tell=talk)
-        code = _ended(result, out, store, in_chip, src=src, json=json, force=force, report=report)
+        code = ended(result, out, store, in_chip, src=src, json=json, force=force, report=report)
     raise typer.Exit(code)
 
 
@@ -204,10 +193,10 @@ def _measured(
                 patience_s=PATIENCE_S if yes else float("inf"),
             )
     except ImuError:
-        _tell_kept(store)
+        tell_kept(store)
         raise
     if not finished:
-        _tell_kept(store)
+        tell_kept(store)
         raise typer.Exit(exits.INTERRUPTED)
     return evidence, out, store
 
@@ -232,62 +221,7 @@ def _chip(i2c: I2CBus, info: StreamInfo, settings: Settings, clock: Clock) -> Ch
         address=info.address,
         fingerprint=fingerprint_of(access, variant=info.variant, offsets=plan),
     )
-    return _set_up(identity, info, offsets_table(plan))
-
-
-def _recorded(
-    file: Path, out: Path | None, settings: Settings, names: tuple[str, ...], *, bus: str | None
-) -> tuple[Evidence, str, Path]:
-    """The evidence in a recording, what it is of, and where the calibration goes."""
-    if not set(SHOWN) & set(names):
-        raise typer.BadParameter(f"a recording shows {', '.join(SHOWN)}: take some of them", param_hint="--steps")
-    recorded = load_recorded(file)
-    if len(recorded.runs) > 1:
-        raise CalibrationError(f"{file}: the chip's ranges changed in it: record again, with one of them")
-    if recorded.stream is not None and bus is not None:
-        raise typer.BadParameter("the recording says itself what it is of: leave --bus out")
-    if out is None and not recorded.calibration:
-        # Only a chip says by its factory's trim which one it is, and `run` looks for it by that.
-        raise typer.BadParameter("the recording does not say which chip it is of: give --out", param_hint="--from")
-    chip = _recorded_chip(recorded, settings, bus)
-    out = out or default_path(chip.identity)
-    check_writable(out)
-    evidence = evidence_of(recorded.runs, chip, steps=names)
-    if recorded.damage:
-        raise RecordingError(recorded.damage)
-    return evidence, f"replay:{chip.identity.bus}", out
-
-
-def _recorded_chip(recorded: Recorded, settings: Settings, bus: str | None) -> Chip:
-    """The chip of a recording; arrays say nothing of theirs, so it is that of the options, on a bus of the file's name
-    where none is given: such a calibration `run` does not take for that of a chip."""
-    info, (run,) = recorded.stream, recorded.runs
-    if info is None:
-        chip = settings.chip
-        identity = ChipIdentity(
-            who_am_i=MPU6050.who_am_i,
-            name=MPU6050.name,
-            bus=bus or f"recording:{recorded.path.name}",
-            address=settings.bus.address,
-        )
-        return Chip(
-            identity=identity, gyro_range_dps=chip.gyro_range_dps, accel_range_g=chip.accel_range_g, scale=run.scale
-        )
-    if recorded.calibration:
-        record = from_toml(recorded.calibration)
-        return _set_up(record.chip, info, record.offsets)
-    identity = ChipIdentity(who_am_i=info.who_am_i, name=info.variant.name, bus=info.src, address=info.address)
-    return _set_up(identity, info, offsets_table(recorded.settings.offsets.plan()) if recorded.settings else None)
-
-
-def _set_up(identity: ChipIdentity, info: StreamInfo, offsets: OffsetsTable | None) -> Chip:
-    return Chip(
-        identity=identity,
-        gyro_range_dps=info.gyro_range_dps,
-        accel_range_g=info.accel_range_g,
-        scale=info.scale,
-        offsets=offsets,
-    )
+    return chip_of(identity, info, offsets_table(plan))
 
 
 class _Stop:
@@ -301,95 +235,3 @@ class _Stop:
 
     def is_asked(self) -> bool:
         return self._asked
-
-
-def _tell_kept(store: SessionStore, *, then: str = RESUME) -> None:
-    if words := store.last_words(then=then):
-        talk(words)
-
-
-InChip = Callable[[CalibrationRecord], tuple[CalibrationRecord, Finding]]
-
-
-def _ended(
-    result: Result,
-    out: Path,
-    store: SessionStore | None,
-    in_chip: InChip | None,
-    *,
-    src: str,
-    json: bool,
-    force: bool,
-    report: Path | None,
-) -> int:
-    """Judges, saves, tells; gives the exit code. Raises CalibrationError where it should be saved and cannot be.
-
-    in_chip   puts what was saved into the chip as well, None where that was not asked for
-    """
-    findings, record, failure = verdict(result), result.record, None
-    bad = [finding.name for finding in findings if not finding.ok]
-    worse = why_worse(result, out)
-    word = "not good enough" if bad else "worse" if worse else "good"
-    reason = ""
-    if (bad or worse) and not force:
-        reason = f"not good enough: {', '.join(bad)}" if bad else f"the one at {out} is better: {worse}"
-        reason += "; nothing is saved (--resume --force does, without measuring again)"
-    elif not result.merged.fresh:
-        reason = "these steps calibrate nothing, so nothing is saved"
-    saved = None
-    if not reason:
-        try:
-            # The factory's words and this record are right together, whatever comes of the chip's own offsets.
-            save_record(record, out, even_if_worse=force)
-            saved = str(out)
-            if in_chip is not None:
-                record, finding, failure = _put_in_chip(record, in_chip, out)
-                findings.append(finding)
-        except CalibrationError:
-            if store is not None:
-                _tell_kept(store)
-            raise
-    finished = failure is None and (saved is not None or not (bad or worse))
-    if store is not None and finished:
-        store.forget()
-    told = Calibrated(
-        v=1,
-        src=src,
-        verdict=word,
-        saved=saved,
-        reason=reason,
-        findings=tuple(findings),
-        record=record,
-        noise=tuple(one.figures() for one in result.noise),
-    )
-    tell(told, as_json=json)
-    if store is not None and not finished:
-        _tell_kept(store, then=MORE if reason else RESUME)
-    if report is not None:
-        # Last, so that a page that cannot be written takes nothing else with it.
-        write_report(report, result, findings, src=src, verdict=word, saved=saved, reason=reason)
-        talk(f"{report} written")
-    if failure is not None:
-        return exits.exit_code(failure)
-    return exits.VERDICT_FAILED if bad or worse else exits.OK
-
-
-def _put_in_chip(
-    record: CalibrationRecord, in_chip: InChip, out: Path
-) -> tuple[CalibrationRecord, Finding, ImuError | None]:
-    """The record that is saved at last, what is to be told, and what went wrong, None where nothing did.
-
-    Raises CalibrationError where the record cannot be saved.
-    """
-    try:
-        record, finding = in_chip(record)
-    except ImuError as error:
-        finding = Finding(
-            name="chip's offsets",
-            ok=False,
-            found=f"not written: {error}",
-            advice="the calibration is saved and good without them; the same command with --resume tries it once more",
-        )
-        return record, finding, error
-    save_record(record, out, even_if_worse=True)
-    return record, finding, None
