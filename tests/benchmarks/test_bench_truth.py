@@ -34,7 +34,8 @@ except ImportError:
 
 TRUTH = Path(__file__).resolve().parents[3] / "shared" / "truth"
 BIAS_RAD_S = np.radians(4.6 * np.array([0.6, -0.5, 0.6245]))
-RESIDUAL = Residual(tilt_rad=0.005, gyro_bias_rad_s=2e-4, gyro_bias_rad_s_degc=0.0, gyro_scale=0.01)
+RESIDUAL = Residual(tilt_rad=0.005, gyro_bias_rad_s=2e-4, gyro_bias_rad_s_degc=0.0, gyro_scale=0.003)
+"""Of a sensor that was calibrated, as those of these sets were."""
 PLAIN = FilterParams(kind="pid", kp=1.0, ki=0.0)
 PAPER = FilterParams(kind="pid", kp=1.0, ki=0.02, kd=0.5)
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from batch_up import accelerometer_of, read, up_of
 from imu_blocks import imu_block
 from session import Session, run_session
 
@@ -23,7 +25,8 @@ from quavelet.settings import FilterParams, Settings, StartSettings
 RECORDED = ChipConfig(gyro_range_dps=250, accel_range_g=8, dlpf=3, sample_rate_hz=100.0)
 PLAIN_PID = PidParams(kp=1.0, ki=0.0)
 PLAIN = FilterParams(kind="pid", kp=1.0, ki=0.0)
-RESIDUAL = Residual(tilt_rad=0.03, gyro_bias_rad_s=2e-4, gyro_bias_rad_s_degc=0.0, gyro_scale=0.02)
+RESIDUAL = Residual(tilt_rad=0.04, gyro_bias_rad_s=2e-4, gyro_bias_rad_s_degc=0.0, gyro_scale=0.0173)
+"""Of a chip as bought."""
 SET_1_BIAS_DPS = (4.54, 0.12, 1.02)
 SET_1_GRAVITY = 1.035
 HAND = [
@@ -150,19 +153,54 @@ def test_gravity_agrees_with_the_accelerometer_where_it_can_be_trusted(name, cap
 
 
 def test_a_shaft_turned_for_25_minutes_follows_its_encoder(capsys):
-    """The turned chip against the encoder, 4000 counts of which are 351 deg by its authors' correction."""
+    """The turned chip against the encoder, 4000 counts of which are 351 deg by its authors' correction. The chip's
+    scale is 1.5 % off and its accelerometer 10 ms late, which the default has to bear no worse than a filter that
+    hangs on the accelerometer."""
     file = dict(np.load(_recordings() / "ssong47_pitch_slow.npz"))
     block = bias_free_block(file["gyr2"] / 16.4, file["acc2"] / 100.0, file["t"])
-    found = PidFilter(PLAIN_PID, residual=RESIDUAL).process(block)
-    up = rotate(conjugate(found.q), np.array([0.0, 0.0, 1.0]))
-    # The shaft lies along the chip's y: turning forward takes the vertical from z to -x.
-    angle_deg = np.degrees(np.unwrap(np.arctan2(-up[:, 0], up[:, 2])))
-    error = angle_deg - file["enc"].astype(np.float64) * (351.0 / 4000.0)
-    error -= error.mean()  # where the encoder's zero is, is not known
-    rmse = np.sqrt((error**2).mean())
+    rmse = {}
+    for name, params in (("plain PID", PLAIN), ("default", FilterParams())):
+        found = params.build(residual=RESIDUAL).process(block)
+        up = rotate(conjugate(found.q), np.array([0.0, 0.0, 1.0]))
+        # The shaft lies along the chip's y: turning forward takes the vertical from z to -x.
+        angle_deg = np.degrees(np.unwrap(np.arctan2(-up[:, 0], up[:, 2])))
+        error = angle_deg - file["enc"].astype(np.float64) * (351.0 / 4000.0)
+        error -= error.mean()  # where the encoder's zero is, is not known
+        rmse[name] = float(np.sqrt((error**2).mean()))
     with capsys.disabled():
-        print(f"\nssong47_pitch_slow: {rmse:.3f} deg rmse over {file['t'][-1] / 60:.1f} min")
-    assert rmse <= 0.95
+        print(f"\nssong47_pitch_slow, deg rmse over {file['t'][-1] / 60:.1f} min: {rmse}")
+    assert rmse["plain PID"] <= 0.95
+    assert rmse["default"] <= 1.02 * rmse["plain PID"]
+
+
+@pytest.mark.parametrize("calibrated", [False, True], ids=["as bought", "accelerometer calibrated"])
+def test_in_the_hand_the_default_is_nearer_to_up_than_a_filter_that_follows_the_accelerometer(calibrated, capsys):
+    """Against a fit over each whole recording, which is itself good to half a degree. The accelerometer is no truth
+    here: to follow it through a hand's accelerations is the very error."""
+    files = sorted(_recordings().glob("sunsided_set-1_*.npz"))
+    offset_g, scale = accelerometer_of(files, bias_dps=SET_1_BIAS_DPS)
+    rms, residual = {}, replace(RESIDUAL, tilt_rad=0.005) if calibrated else RESIDUAL
+    for file in files:
+        if "unmoved" in file.name or "sphere" in file.name:  # the sphere is at the end of its range for seconds
+            continue
+        hand = read(file, bias_dps=SET_1_BIAS_DPS, offset_g=offset_g, scale=scale)
+        force = hand.force_g if calibrated else hand.shown_g / SET_1_GRAVITY
+        block = imu_block(hand.gyro_rad_s, force * STANDARD_GRAVITY_M_S2, period_s=1.0 / hand.rate_hz)
+        block.flags[hand.clipped] |= np.uint32(Flag.GYRO_CLIPPED)
+        up = up_of(hand)
+        for name, params in (("plain PID", PLAIN), ("default", FilterParams())):
+            q = params.build(residual=residual).process(block).q
+            cosine = (rotate(conjugate(q), np.array([0.0, 0.0, 1.0])) * up).sum(axis=1)
+            error = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))[int(2.0 * hand.rate_hz) :]
+            rms.setdefault(name, []).append(float(np.sqrt(np.nanmean(error**2))))
+    with capsys.disabled():
+        for name, values in rms.items():
+            print(
+                f"\n{len(values)} hand recordings, {name}: mean {np.mean(values):.2f} deg rms of {np.round(values, 2)}"
+            )
+    assert len(rms["default"]) == 11
+    assert np.mean(rms["default"]) < np.mean(rms["plain PID"])
+    assert (np.array(rms["default"]) < np.array(rms["plain PID"]) + 0.6).all()
 
 
 def bias_free_block(gyro_dps: np.ndarray, accel_g: np.ndarray, t_s: np.ndarray) -> ImuBlock:

@@ -21,7 +21,7 @@ import numpy as np
 from quavelet.attitude import quiet as listening
 from quavelet.attitude.doubt import BIAS_LIMIT_SIGMA_RAD_S, GYRO_DENSITY_RAD, TILT_FLOOR_RAD, YAW_MAX_RAD, Residual
 from quavelet.attitude.gate import Gate, entered, left, looks_still, replayed, rested, stays_still
-from quavelet.attitude.horizon import Horizon, Swing, after_swing, started, velocity_density
+from quavelet.attitude.horizon import Horizon, after_swing, unseen, velocity_density
 from quavelet.attitude.inputs import refuse_bad
 from quavelet.attitude.kernel import (
     IDENTITY,
@@ -37,6 +37,7 @@ from quavelet.attitude.kernel import (
     up_in_body,
 )
 from quavelet.attitude.suspicion import WARM_UP_S, Suspicion, Warmth, after_window, warmed
+from quavelet.attitude.swing import Row, row_of, swing_of
 from quavelet.core.blocks import AttitudeBlock, Flag, FloatArray, ImuBlock
 from quavelet.core.units import NS_PER_S, RAD_PER_DEG
 
@@ -46,6 +47,7 @@ LONG_GAP_S, HOLD_S = 0.25, 1.0
 """After a longer gap gravity has to say; a rate is held for no longer than a second."""
 SETTLED_RAD, AGREE_S = 2.5 * RAD_PER_DEG, 1.0
 """The attitude is trusted when its tilt's sigma is below this, after so long."""
+_STUCK, _BIAS_UNKNOWN, _CLIPPED = int(Flag.STUCK), int(Flag.BIAS_UNKNOWN), int(Flag.GYRO_CLIPPED)
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +68,7 @@ class GatedState:
     rate_rad_s          the last sample's rate with its bias, None before the first sample
     bias_rad_s, known   what is taken off it; known: it has been measured at rest
     rows                rate and force of the current chunk's samples, and `chunk_s` its length
-    vx, vy, across, turning, blind_s   what the current chunk adds up to while moving (`Swing`)
+    swung, blind_s      of the current chunk while moving: see `Swing`
     tilt_ms             mean square of the tilt error while still
     agreeing_s          how long a moving board has looked still
     up_s                time since the first sample
@@ -82,10 +84,7 @@ class GatedState:
     bias_degc: float = 0.0
     rows: tuple[tuple[float, ...], ...] = ()
     chunk_s: float = 0.0
-    vx: float = 0.0
-    vy: float = 0.0
-    across: tuple[float, ...] = (0.0,) * 6
-    turning: float = 0.0
+    swung: tuple[Row, ...] = ()
     blind_s: float = 0.0
     gate: Gate | None = None
     level_sum: Vector = ZERO
@@ -122,7 +121,7 @@ class GatedFilter:
         self._relearn_s = relearn_s
         self._gated = gate
         self._method: Method = method
-        self._s = GatedState(started(START_TILT_RAD, np.full(3, BIAS_LIMIT_SIGMA_RAD_S**2)), listening.unheard())
+        self._s = GatedState(unseen(residual), listening.unheard())
 
     def state(self) -> GatedState:
         return copy(self._s)
@@ -150,15 +149,15 @@ class GatedFilter:
         for k, (rate, force, dt, gap_ns, flag, at_rest, given, temp_degc) in enumerate(columns):
             if s.rate_rad_s is None:
                 self._begin(s, tuple(rate), tuple(force), temp_degc)
-            elif flag & Flag.STUCK:
+            elif flag & _STUCK:
                 self._interrupt(s)
                 s.stuck_s += dt + gap_ns / NS_PER_S
             elif gap_ns or s.stuck_s:
                 self._bridge(s, tuple(rate), tuple(force), gap_ns / NS_PER_S + s.stuck_s)
-            if not flag & Flag.BIAS_UNKNOWN and not s.known:
+            if not flag & _BIAS_UNKNOWN and not s.known:
                 self._adopt(s, tuple(given), temp_degc)
-            if not flag & Flag.STUCK:
-                s.blind_s += dt if flag & Flag.GYRO_CLIPPED else 0.0
+            if not flag & _STUCK:
+                s.blind_s += dt if flag & _CLIPPED else 0.0
                 self._take(s, tuple(rate), tuple(force), dt, at_rest, temp_degc)
             q[k] = s.q if s.q[0] >= 0.0 else [-x for x in s.q]
             sigma[k] = self._sigmas(s)
@@ -185,13 +184,14 @@ class GatedFilter:
 
     def _begin(self, s: GatedState, rate: Vector, force: Vector, temp_degc: float) -> None:
         s.q, s.rate_rad_s, s.warmth = standing(force), rate, Warmth(temp_degc, temp_degc)
+        s.horizon = s.horizon.restarted(s.q, START_TILT_RAD, np.full(3, BIAS_LIMIT_SIGMA_RAD_S**2))
 
     def _adopt(self, s: GatedState, bias: Vector, temp_degc: float) -> None:
         """The first bias measured at rest; yaw counts from here."""
         self._close(s, temp_degc)
         s.known, s.bias_rad_s, s.bias_degc, s.heading = True, bias, temp_degc, Heading()
         variance = np.full(3, self._residual.gyro_bias_rad_s**2)
-        s.horizon = started(sqrt(s.horizon.tilt_ms), variance)
+        s.horizon = s.horizon.restarted(s.q, sqrt(s.horizon.tilt_ms), variance)
         if s.level_sum != ZERO:
             s.settling, s.level_sum = False, ZERO
 
@@ -207,7 +207,13 @@ class GatedFilter:
         s.rows += ((*rate, *force),)
         s.chunk_s += dt
         bx, by, bz = s.bias_rad_s
-        w = (rate[0] - bx, rate[1] - by, rate[2] - bz)
+        x, y, z = rate[0] - bx, rate[1] - by, rate[2] - bz
+        xx, xy, xz, yx, yy, yz, zx, zy, zz = s.horizon.matrix
+        w = (
+            x + (xx * x + xy * y + xz * z),
+            y + (yx * x + yy * y + yz * z),
+            z + (zx * x + zy * y + zz * z),
+        )
         if s.gate is None:
             self._turn(s, w, force, dt)
         elif left(s.gate, w):
@@ -217,20 +223,8 @@ class GatedFilter:
             self._close(s, temp_degc)
 
     def _turn(self, s: GatedState, w: Vector, force: Vector, dt: float) -> None:
-        """A step of the moving board. Rate and force are means over the period, so the force is turned by half a
-        step before the attitude at the period's beginning takes it to the world."""
-        wx, wy, wz = w
-        fx, fy, fz = force
-        h = 0.5 * dt
-        mx, my, mz = fx + h * (wy * fz - wz * fy), fy + h * (wz * fx - wx * fz), fz + h * (wx * fy - wy * fx)
-        qw, qx, qy, qz = s.q
-        a, b, c = qw * qw + qx * qx - qy * qy - qz * qz, 2.0 * (qx * qy - qw * qz), 2.0 * (qx * qz + qw * qy)
-        d, e, f = 2.0 * (qx * qy + qw * qz), qw * qw - qx * qx + qy * qy - qz * qz, 2.0 * (qy * qz - qw * qx)
-        s.vx += dt * (a * mx + b * my + c * mz)
-        s.vy += dt * (d * mx + e * my + f * mz)
-        sa, sb, sc, sd, se, sf = s.across
-        s.across = (sa + a * dt, sb + b * dt, sc + c * dt, sd + d * dt, se + e * dt, sf + f * dt)
-        s.turning += dt * (wx * wx + wy * wy + wz * wz)
+        """A step of the moving board."""
+        s.swung += (row_of(s.q, w, force, dt),)
         s.q = step(s.q, w, dt, self._method)
 
     def _level(self, s: GatedState, force: Vector) -> None:
@@ -238,12 +232,11 @@ class GatedFilter:
         x, y, z = s.level_sum
         s.level_sum = (x + force[0], y + force[1], z + force[2])
         s.q = standing(s.level_sum)
-        s.horizon = s.horizon.with_tilt(TILT_FLOOR_RAD)
+        s.horizon = s.horizon.restarted(s.q, TILT_FLOOR_RAD, s.horizon.bias_variance)
         self._empty(s)
 
     def _empty(self, s: GatedState) -> None:
-        s.rows, s.chunk_s, s.vx, s.vy = (), 0.0, 0.0, 0.0
-        s.across, s.turning, s.blind_s = (0.0,) * 6, 0.0, 0.0
+        s.rows, s.chunk_s, s.swung, s.blind_s = (), 0.0, (), 0.0
 
     def _close(self, s: GatedState, temp_degc: float) -> None:
         """The current chunk ends here."""
@@ -261,7 +254,7 @@ class GatedFilter:
             s.settling = False
 
     def _correct(self, s: GatedState) -> None:
-        swing = Swing(s.chunk_s, (s.vx, s.vy), s.across, s.turning, s.blind_s)
+        swing = swing_of(s.swung, blind_s=s.blind_s)
         s.horizon, found = after_swing(s.horizon, swing, density=self._density)
         x, y = found.tilt_rad
         s.q = normalised(product((1.0, 0.5 * x, 0.5 * y, 0.0), s.q))
@@ -311,14 +304,15 @@ class GatedFilter:
             back = -float(((taken.mean_rad_s - bias) * up).sum()) * taken.duration_s
             s.q = step(s.q, _vector(back * up), 1.0, "exp")
             s.bias_rad_s = _vector(taken.mean_rad_s)
-            s.horizon = started(sqrt(s.horizon.tilt_ms), s.quiet.density2[:3] / taken.duration_s)
+            variance = s.quiet.density2[:3] / taken.duration_s
+            s.horizon = s.horizon.restarted(s.q, sqrt(s.horizon.tilt_ms), variance)
 
     def _leave(self, s: GatedState, gate: Gate, partial: FloatArray) -> None:
         """From still to moving: what the rate of the last seconds turned is turned after all."""
         replay = replayed(gate, s.quiet, partial, s.q, np.array(s.bias_rad_s))
         s.q = step(s.q, replay.turn_rad, 1.0, "exp")
         s.bias_rad_s = _vector(replay.bias)
-        s.horizon = started(replay.tilt_rad, replay.bias_variance)
+        s.horizon = s.horizon.restarted(s.q, replay.tilt_rad, replay.bias_variance)
         s.gate = None
         if len(partial):
             s.quiet = listening.interrupted(s.quiet)
@@ -327,7 +321,7 @@ class GatedFilter:
     def _interrupt(self, s: GatedState) -> None:
         """Samples are missing: what was collected stands by itself."""
         if s.gate is not None:
-            s.horizon = started(sqrt(s.gate.tilt_ms), s.gate.bias_variance)
+            s.horizon = s.horizon.restarted(s.q, sqrt(s.gate.tilt_ms), s.gate.bias_variance)
             s.gate = None
         elif s.rows:
             self._correct(s)
@@ -354,7 +348,7 @@ class GatedFilter:
         if gap_s > LONG_GAP_S:
             s.q = levelled(s.q, force)
             s.settling, s.settled_s, tilt_ms = True, 0.0, START_TILT_RAD**2
-        s.horizon = started(sqrt(tilt_ms), s.horizon.bias_variance)
+        s.horizon = s.horizon.restarted(s.q, sqrt(tilt_ms), s.horizon.bias_variance)
 
     def _sigmas(self, s: GatedState) -> tuple[float, float, float]:
         """One sigma in rad of tilt (about each horizontal axis) and of yaw since it counts from zero."""
