@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from math import inf
+
 import msgspec
 import pytest
 from test_calibration_record import changed, made
 
-from quavelet.calibration.record import CalibrationRecord, Made
+from quavelet.calibration.record import CalibrationRecord, Made, MagnetometerTable
 from quavelet.calibration.record_file import as_toml, from_toml
 from quavelet.calibration.record_merge import accelerometer_of, merge
 from quavelet.core.errors import CalibrationError
@@ -108,3 +110,21 @@ def test_what_no_part_can_have_been_made_at_is_refused(line):
     damaged = "\n".join(one for one in f"{head}[kept.accelerometer]\n".splitlines() + lines if "digest =" not in one)
     with pytest.raises(CalibrationError, match=key):
         from_toml(damaged)
+
+
+def test_a_record_of_the_magnetometer_alone_flags_no_temperature():
+    iron = MagnetometerTable(
+        hard_iron_ut=(1.0, 2.0, 3.0),
+        hard_iron_sigma_ut=(0.1, 0.1, 0.1),
+        soft_iron=((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
+        field_ut=48.0,
+        field_sigma=0.01,
+        coverage=0.9,
+        rms_before=0.3,
+        rms_after=0.01,
+    )
+    alone = msgspec.structs.replace(made_anew(), magnetometer=iron)
+    assert (alone.calibration().lowest_degc, alone.calibration().highest_degc) == (-inf, inf)
+    beside = merge(alone, OLDER)
+    assert beside.fresh == ("magnetometer",)
+    assert beside.record.calibration().lowest_degc == OLDER.calibration().lowest_degc

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import inf
+
 import msgspec
 import numpy as np
 
@@ -161,9 +163,10 @@ class CalibrationRecord(msgspec.Struct, frozen=True, kw_only=True, forbid_unknow
         return f"{self.made.utc} ({', '.join(older)})" if older else self.made.utc
 
     def span_degc(self) -> tuple[float, float]:
-        """The temperatures at which all of its inertial parts were made."""
-        every = [self.made_of(part) for part in PARTS[:3] if self.has(part)] or [self.made]
-        return max(made.lowest_degc for made in every), min(made.highest_degc for made in every)
+        """The temperatures at which all of its inertial parts were made; all there are where it has none."""
+        every = [self.made_of(part) for part in PARTS[:3] if self.has(part)]
+        lowest = max((made.lowest_degc for made in every), default=-inf)
+        return lowest, min((made.highest_degc for made in every), default=inf)
 
     def calibration(self) -> ImuCalibration:
         """As the pipeline takes it; what was not calibrated is as in an uncalibrated chip."""
