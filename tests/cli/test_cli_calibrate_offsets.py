@@ -38,6 +38,11 @@ def test_what_was_written_is_in_the_record_and_run_writes_it_again(tmp_path):
     assert record.offsets is not None
     assert told["record"]["offsets"]["gyro"] == list(record.offsets.gyro)
     assert not list(tmp_path.glob("*.session"))
+    more = quavelet(*WRITE[:-1], "--bus", "fake:bench:7", "--steps", "faces", "--out", out)
+    assert more.code == exits.OK, more.err
+    added = load_record(out)
+    assert (added.offsets, added.gyro_bias) == (record.offsets, record.gyro_bias), "kept with what they were made with"
+    assert added.accelerometer is not None
     settings = tmp_path / "s.toml"
     settings.write_text(f'[calibration]\nfile = "{out}"\n')
     ran = quavelet("run", "--bus", "fake:bench:7", "--virtual-time", "--duration", 4, "--config", settings)

@@ -23,6 +23,7 @@ from quavelet.calibration.record_file import (
     check_same_chip,
     check_writable,
     default_path,
+    load_record,
 )
 from quavelet.cli import exits, options
 from quavelet.cli.calibrate_ending import ended, tell_kept
@@ -33,12 +34,13 @@ from quavelet.core.clock import Clock, MonotonicClock, VirtualClock
 from quavelet.core.errors import CalibrationError, ImuError, SettingsError
 from quavelet.core.health import Health
 from quavelet.drawing.page import check_drawing, check_place
-from quavelet.imu import offsets_table
+from quavelet.imu import offset_plan, offsets_table
 from quavelet.mpu6050.access import RegisterAccess
 from quavelet.mpu6050.fingerprint import fingerprint_of
 from quavelet.mpu6050.magnetometer.asked import MagnetometerParams
+from quavelet.mpu6050.offset_plan import OffsetPlan
 from quavelet.mpu6050.source import ChipSource
-from quavelet.mpu6050.stream import StreamInfo
+from quavelet.mpu6050.variants import Variant
 from quavelet.settings import Settings
 
 ALL = "all"
@@ -122,7 +124,7 @@ def calibrate(
             clock: Clock = VirtualClock() if options.on_virtual_time(settings, virtual_time) else MonotonicClock()
             i2c = stack.enter_context(open_bus(settings.bus.name, clock=clock))
             evidence, out, store = _measured(
-                i2c, settings, clock, names, out, yes=yes, quiet=json, resume=resume, force=force
+                i2c, settings, clock, names, out, yes=yes, quiet=json, resume=resume, force=force, afresh=write_offsets
             )
             src = settings.bus.name
             if write_offsets:
@@ -153,8 +155,12 @@ def _measured(
     quiet: bool,
     resume: bool,
     force: bool,
+    afresh: bool,
 ) -> tuple[Evidence, Path, SessionStore]:
-    """The whole session on a board. Raises Exit where it was stopped, ImuError where it cannot go on."""
+    """The whole session on a board. Raises Exit where it was stopped, ImuError where it cannot go on.
+
+    afresh   with the factory's words in the chip, whatever the calibration that is there has written
+    """
     if isinstance(i2c, FollowsInstructions) and not yes:
         raise SettingsError(f"nobody moves the board of {settings.bus.name} by hand: give --yes, and it moves itself")
     if yes and not isinstance(i2c, FollowsInstructions) and not set(names) <= set(LYING):
@@ -162,17 +168,26 @@ def _measured(
             f"--yes is for a board that moves itself, as that of fake:bench; somebody must move that of "
             f"{settings.bus.name}: leave --yes out, or take --steps {ALONE} only"
         )
+    plan = settings.offsets.plan()
+
+    def offsets_of(variant: Variant) -> OffsetPlan | None:
+        nonlocal plan
+        if plan is None and not afresh:
+            plan = _offsets_there(_identity(i2c, variant, settings, clock, None), out)
+        return plan
+
     source = ChipSource(
         i2c,
         address=settings.bus.address,
         config=settings.chip,
         accept_id=settings.bus.accept_id,
-        offsets=settings.offsets.plan(),
+        find_offsets=offsets_of,
         magnetometer=settings.magnetometer,
         clock=clock,
         health=Health(),
     )
-    chip = _chip(i2c, source.wait_until_streaming(), settings, clock)
+    info = source.wait_until_streaming()
+    chip = chip_of(_identity(i2c, info.variant, settings, clock, plan), info, offsets_table(plan))
     out = out or default_path(chip.identity)
     store = SessionStore(out)
     evidence = _begun(store, chip, resume=resume)
@@ -211,17 +226,26 @@ def _begun(store: SessionStore, chip: Chip, *, resume: bool) -> Evidence:
     return Evidence(chip=chip)
 
 
-def _chip(i2c: I2CBus, info: StreamInfo, settings: Settings, clock: Clock) -> Chip:
-    plan = settings.offsets.plan()
-    access = RegisterAccess(i2c, address=info.address, clock=clock, health=Health())
-    identity = ChipIdentity(
-        who_am_i=info.who_am_i,
-        name=info.variant.name,
-        bus=info.src,
-        address=info.address,
-        fingerprint=fingerprint_of(access, variant=info.variant, offsets=plan),
+def _offsets_there(chip: ChipIdentity, out: Path | None) -> OffsetPlan | None:
+    """What the calibration of this chip that is there has in the chip's own registers: with it goes on what is kept."""
+    path = out or default_path(chip)
+    try:
+        record = load_record(path) if path.is_file() else None
+        return offset_plan(record) if record is not None and record.chip.fingerprint == chip.fingerprint else None
+    except CalibrationError:
+        return None  # What cannot be used is told of when it is gone over.
+
+
+def _identity(i2c: I2CBus, variant: Variant, settings: Settings, clock: Clock, plan: OffsetPlan | None) -> ChipIdentity:
+    address = settings.bus.address
+    access = RegisterAccess(i2c, address=address, clock=clock, health=Health())
+    return ChipIdentity(
+        who_am_i=variant.who_am_i,
+        name=variant.name,
+        bus=i2c.name,
+        address=address,
+        fingerprint=fingerprint_of(access, variant=variant, offsets=plan),
     )
-    return chip_of(identity, info, offsets_table(plan))
 
 
 class _Stop:
