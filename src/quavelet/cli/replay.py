@@ -12,7 +12,7 @@ from rich.console import Console
 
 from quavelet.cli import options
 from quavelet.cli.panel import LivePanel, Status
-from quavelet.cli.run import QUEUE_DEPTH, outcome, stopped_by_signals, talk, tell_counts
+from quavelet.cli.run import outcome, stopped_by_signals, talk, tell_counts
 from quavelet.core.clock import MonotonicClock
 from quavelet.core.errors import RecordingError
 from quavelet.core.health import Health
@@ -20,6 +20,7 @@ from quavelet.loop.hub import Hub, Policy
 from quavelet.pipeline import build_pipeline, tell_uncalibrated_magnetometer
 from quavelet.recording.reader import RecordingReader
 from quavelet.recording.replay import ReplaySource, paced
+from quavelet.service.service import QUEUE_DEPTH, STDOUT
 from quavelet.sinks.json_lines import JsonLines
 from quavelet.sinks.message import Message, message_of
 
@@ -59,9 +60,9 @@ def replay(
     with ExitStack() as stack:
         if to_panel:
             status = lambda: Status(source.decoder.measured_rate_hz, health, None)  # noqa: E731
-            hub.subscribe("stdout", stack.enter_context(LivePanel(Console(), status=status)), depth=1)
+            hub.subscribe(STDOUT, stack.enter_context(LivePanel(Console(), status=status)), depth=1)
         else:
-            hub.subscribe("stdout", JsonLines(sys.stdout.buffer), depth=QUEUE_DEPTH, policy=Policy.WAIT)
+            hub.subscribe(STDOUT, JsonLines(sys.stdout.buffer), depth=QUEUE_DEPTH, policy=Policy.WAIT)
         stack.callback(hub.close)
         stack.enter_context(stopped_by_signals(stop))
         for raw in paced(source, clock=MonotonicClock(), speed=speed):

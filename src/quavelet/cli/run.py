@@ -13,7 +13,6 @@ from types import FrameType
 import typer
 from rich.console import Console
 
-from quavelet.bus.open import open_bus, open_line
 from quavelet.cli import exits, options
 from quavelet.cli.counts import in_words
 from quavelet.cli.panel import LivePanel, Status
@@ -21,18 +20,14 @@ from quavelet.core.clock import Clock, MonotonicClock, VirtualClock
 from quavelet.core.errors import ImuError
 from quavelet.core.health import Health
 from quavelet.core.units import NS_PER_MS, NS_PER_S
-from quavelet.imu import Imu
 from quavelet.loop.deadline import LoopStats
-from quavelet.loop.hub import Hub, Policy
-from quavelet.loop.realtime import apply_realtime
+from quavelet.loop.hub import Hub
 from quavelet.mpu6050.drain import Drain
 from quavelet.mpu6050.stream import StreamInfo
-from quavelet.recording.writer import RecordingWriter
-from quavelet.settings import LoopSettings, Settings
+from quavelet.service.service import QUEUE_DEPTH, STDOUT, Service
+from quavelet.settings import Settings
 from quavelet.sinks.json_lines import JsonLines
 from quavelet.sinks.message import Message
-
-QUEUE_DEPTH = 256
 
 
 def run(
@@ -53,58 +48,28 @@ def run(
 def run_live(
     settings: Settings, *, json: bool, duration_s: float | None, record: Path | None, virtual_time: bool
 ) -> int:
-    """Run the loop and its outputs; returns the exit code. Raises ImuError."""
+    """Run the service and tell what came of it; returns the exit code. Raises ImuError."""
     for warning in settings.chip.warnings():
         talk(f"note: {warning}")
     virtual_time = options.on_virtual_time(settings, virtual_time)
     clock: Clock = VirtualClock() if virtual_time else MonotonicClock()
-    policy = Policy.WAIT if virtual_time else Policy.LOSE_OLDEST
-    messages: Hub[Message] = Hub()
-    records: Hub[StreamInfo | Drain] = Hub()
+    service = Service(
+        settings,
+        clock=clock,
+        talk=talk,
+        console=lambda service, stack: _subscribe_output(service, stack, json=json),
+        record=record,
+        realtime=not virtual_time,
+    )
     failure: ImuError | None = None
-    with ExitStack() as stack:
-        i2c = stack.enter_context(open_bus(settings.bus.name, clock=clock))
-        line = open_line(settings.bus.int_line, bus=i2c, address=settings.bus.address)
-        if line is not None:
-            stack.enter_context(line)
-        if record is not None:
-            writer = RecordingWriter(record, settings=settings, clock=clock)
-            records.subscribe("recording", writer, depth=QUEUE_DEPTH, policy=policy)
-        stack.callback(records.close)
-        imu = Imu(
-            i2c,
-            settings=settings,
-            clock=clock,
-            line=line,
-            on_stream=records.publish,
-            on_drain=records.publish,
-            on_note=talk,
-        )
-        if record is not None:
-            writer.calibration = lambda: imu.calibration_text
+    with stopped_by_signals(service.stop):
         try:
-            # Asks who is there, before anything else is set or said.
-            imu.read()
-            _subscribe_output(stack, messages, imu, json=json, policy=policy)
-            stack.callback(messages.close)
-            if not virtual_time:
-                _be_punctual(stack, settings.loop)
-            stack.enter_context(stopped_by_signals(imu.loop.stop))
-            for message in imu.messages(until_ns=_until_ns(clock, duration_s)):
-                messages.publish(message)
-                if "stdout" in messages.failures():
-                    break
+            service.run(until_ns=_until_ns(clock, duration_s))
         except ImuError as error:
             failure = error
-    if failure is not None and imu.source.info is None:
-        if record is not None:
-            # Nothing is in it, and the next try would be refused for it.
-            record.unlink(missing_ok=True)
+    if failure is not None and not service.streamed:
         raise failure
-    tell_counts(imu.health, imu.bus.name, imu.measured_rate_hz)
-    _tell_loop(imu.loop.stats)
-    _tell_lost(messages)
-    code = max(outcome(messages), _recording_outcome(records, record) if record else exits.OK)
+    code = max(_tell_ending(service), _recording_outcome(service.records, record) if record else exits.OK)
     if failure is not None:
         raise failure
     return code
@@ -139,9 +104,10 @@ def stopped_by_signals(stop: Callable[[], None]) -> Iterator[None]:
             signal.signal(number, old)
 
 
-def _subscribe_output(stack: ExitStack, hub: Hub[Message], imu: Imu, *, json: bool, policy: Policy) -> None:
-    if json or not sys.stdout.isatty():
-        hub.subscribe("stdout", JsonLines(sys.stdout.buffer), depth=QUEUE_DEPTH, policy=policy)
+def _subscribe_output(service: Service, stack: ExitStack, *, json: bool) -> None:
+    imu = service.imu
+    if json or not sys.stdout.isatty() or imu is None:
+        service.messages.subscribe(STDOUT, JsonLines(sys.stdout.buffer), depth=QUEUE_DEPTH, policy=service.policy)
         return
 
     def status() -> Status:
@@ -149,13 +115,18 @@ def _subscribe_output(stack: ExitStack, hub: Hub[Message], imu: Imu, *, json: bo
 
     panel = stack.enter_context(LivePanel(Console(), status=status))
     # A panel shows the newest; it never needs a queue.
-    hub.subscribe("stdout", panel, depth=1)
+    service.messages.subscribe(STDOUT, panel, depth=1)
 
 
-def _be_punctual(stack: ExitStack, loop: LoopSettings) -> None:
-    realtime = stack.enter_context(apply_realtime(loop))
-    for setting in realtime.report:
-        talk(f"{setting.name}: {'done' if setting.done else 'refused'}, {setting.detail}")
+def _tell_ending(service: Service) -> int:
+    """All counts, and the exit code for what became of standard output."""
+    imu = service.imu
+    if imu is None:
+        return exits.OK
+    tell_counts(imu.health, imu.bus.name, imu.measured_rate_hz)
+    _tell_loop(imu.loop.stats)
+    _tell_lost(service.messages)
+    return outcome(service.messages)
 
 
 def tell_counts(health: Health, src: str, rate_hz: float | None) -> None:
@@ -168,7 +139,7 @@ def tell_counts(health: Health, src: str, rate_hz: float | None) -> None:
 
 def outcome(messages: Hub[Message]) -> int:
     """The exit code for what became of standard output."""
-    failure = messages.failures().get("stdout")
+    failure = messages.failures().get(STDOUT)
     if failure is None:
         return exits.OK
     exits.forget_stdout()
