@@ -2,6 +2,7 @@
 
 import json
 import tomllib
+from collections import defaultdict
 from pathlib import Path
 
 from hypothesis import given
@@ -11,7 +12,16 @@ from program import quavelet
 from quavelet.attitude.params import FilterParams
 from quavelet.cli import exits
 from quavelet.cli.config import as_toml
-from quavelet.settings import BusSettings, LoadedSettings, Settings, StartSettings, load_settings, parse_settings
+from quavelet.settings import (
+    BusSettings,
+    LoadedSettings,
+    MqttSettings,
+    OutputSettings,
+    Settings,
+    StartSettings,
+    load_settings,
+    parse_settings,
+)
 
 GAIN = st.floats(0.0, 100.0)
 SETTINGS = st.builds(
@@ -22,13 +32,23 @@ SETTINGS = st.builds(
         still_s=st.floats(0.5, 60.0),
         gyro_bias_dps=st.just(()) | st.tuples(*[st.floats(-50.0, 50.0)] * 3),
     ),
+    output=st.dictionaries(
+        st.from_regex(r"[A-Za-z0-9_-]{1,32}", fullmatch=True),
+        st.builds(
+            OutputSettings, to=st.just("tcp:[::1]:5555") | st.just('unix:/run/\u00e4 "x"'), rate_hz=st.floats(0.0, 1e3)
+        )
+        | st.builds(
+            OutputSettings, to=st.just("mqtt:here"), mqtt=st.builds(MqttSettings, user=st.text(), qos=st.just(2))
+        ),
+        max_size=3,
+    ),
     filter=st.builds(FilterParams, kind=st.just("pid"), kp=GAIN, ki=GAIN, kd=GAIN, integral_limit_rad_s=GAIN),
 )
 
 
 @given(SETTINGS, st.text())
 def test_what_it_prints_loads_as_the_same_settings(settings: Settings, origin: str) -> None:
-    origins = dict.fromkeys(load_settings().origin, origin)
+    origins = defaultdict(lambda: origin)
     text = as_toml(LoadedSettings(settings, origins))
     assert parse_settings(tomllib.loads(text), where="printed") == settings
 
@@ -39,7 +59,8 @@ def test_each_value_is_shown_with_its_origin(tmp_path: Path) -> None:
     arguments = ("config", "--config", path, "--bus", "fake:still")
     done = quavelet(*arguments)
     assert (done.code, done.err) == (exits.OK, "")
-    shown = dict(line.split(" = ", 1) for line in done.lines if " = " in line)
+    # The first of each name: [bus] and [chip] come before the others.
+    shown = dict(line.split(" = ", 1) for line in reversed(done.lines) if " = " in line)
     assert shown["name"].split() == ['"fake:still"', "#", "command", "line"]
     assert shown["address"].split() == ["0x69", "#", str(path)]
     assert shown["dlpf"].split() == ["4", "#", str(path)]

@@ -21,7 +21,7 @@ PREPARE = """
 groupadd --force --system i2c
 useradd --system --user-group --groups i2c --no-create-home --shell /usr/sbin/nologin quavelet
 mkdir /etc/quavelet
-sed 's/^name = .*/name = "fake:tilt"/' /opt/quavelet/repository/systemd/quavelet.toml > /etc/quavelet/imu0.toml
+sed 's/^name = "linux:1"/name = "fake:tilt"/' /opt/quavelet/repository/systemd/quavelet.toml > /etc/quavelet/imu0.toml
 # As the udev rule would leave it.
 if [ -n "$DMA" ]; then (umask 117; mknod /dev/cpu_dma_latency c $DMA; chgrp i2c /dev/cpu_dma_latency); fi
 edit() {

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated, cast
+from collections.abc import Iterator, Mapping
+from typing import Annotated
 
 import msgspec
 import typer
 
 from quavelet.cli import exits, options
-from quavelet.settings import LoadedSettings, Tables, Value
+from quavelet.settings import LoadedSettings, Table, Value, as_tables
 from quavelet.sinks.message import Message
 
 Schema = Annotated[bool, typer.Option("--schema", help="The JSON schema of the messages, instead.")]
@@ -29,26 +30,37 @@ def config(
         return
     loaded = options.settings_of(bus, address, config, accept_id)
     if json:
-        tables = cast(Tables, msgspec.to_builtins(loaded.settings))
-        _print_json(
-            {
-                table: {key: {"value": value, "origin": loaded.origin[f"{table}.{key}"]} for key, value in keys.items()}
-                for table, keys in tables.items()
-            }
-        )
+        tables = as_tables(loaded.settings)
+        _print_json({table: _with_origins(keys, loaded.origin, table) for table, keys in tables.items()})
         return
     exits.put(as_toml(loaded))
 
 
 def as_toml(loaded: LoadedSettings) -> str:
     """A settings file that gives these settings; behind each its origin."""
-    tables = cast(Tables, msgspec.to_builtins(loaded.settings))
-    return "\n\n".join(
-        "\n".join(
-            [f"[{table}]", *(_toml_line(key, value, loaded.origin[f"{table}.{key}"]) for key, value in keys.items())]
+    tables = as_tables(loaded.settings)
+    return "\n\n".join(text for table, keys in tables.items() for text in _toml_tables(table, keys, loaded.origin))
+
+
+def _toml_tables(name: str, table: Table, origin: Mapping[str, str]) -> Iterator[str]:
+    """The table and those below it, each a text of its own."""
+    values = {key: value for key, value in table.items() if not isinstance(value, dict)}
+    if values:
+        yield "\n".join(
+            [f"[{name}]", *(_toml_line(key, value, origin[f"{name}.{key}"]) for key, value in values.items())]
         )
-        for table, keys in tables.items()
-    )
+    for key, value in table.items():
+        if isinstance(value, dict):
+            yield from _toml_tables(f"{name}.{key}", value, origin)
+
+
+def _with_origins(table: Table, origin: Mapping[str, str], name: str) -> dict[str, object]:
+    return {
+        key: _with_origins(value, origin, f"{name}.{key}")
+        if isinstance(value, dict)
+        else {"value": value, "origin": origin[f"{name}.{key}"]}
+        for key, value in table.items()
+    }
 
 
 def _toml_line(key: str, value: Value, origin: str) -> str:

@@ -1,13 +1,6 @@
-"""All that can be set, from three places: the defaults here, a TOML file, the command line."""
+"""The tables of the settings file, one struct each, with their defaults and what each value must be."""
 
 from __future__ import annotations
-
-import tomllib
-from collections.abc import Mapping
-from dataclasses import dataclass
-from math import isfinite
-from pathlib import Path
-from typing import cast
 
 import msgspec
 
@@ -20,9 +13,8 @@ from quavelet.mpu6050.config import ChipConfig
 from quavelet.mpu6050.magnetometer.asked import LONGEST_BYTES, MagnetometerParams
 from quavelet.mpu6050.offset_settings import OffsetSettings
 from quavelet.mpu6050.registers import FRAME_BYTES
-
-Value = str | int | float | bool
-Tables = dict[str, dict[str, Value]]
+from quavelet.settings.outputs import OutputSettings, check_output_names
+from quavelet.settings.service import RecordingSettings, ServiceSettings
 
 
 class BusSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -132,7 +124,7 @@ class LoopSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
 
 
 class Settings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """One table of the TOML file each."""
+    """One table of the TOML file each; `output` has a table for each output, [output.NAME]."""
 
     bus: BusSettings = BusSettings()
     chip: ChipConfig = ChipConfig(gyro_range_dps=500, accel_range_g=4, dlpf=3, sample_rate_hz=200.0)
@@ -145,6 +137,9 @@ class Settings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     filter: FilterParams = FilterParams()
     heading: HeadingParams = HeadingParams()
     loop: LoopSettings = LoopSettings()
+    service: ServiceSettings = ServiceSettings()
+    recording: RecordingSettings = RecordingSettings()
+    output: dict[str, OutputSettings] = {}
 
     @property
     def frame_bytes(self) -> int:
@@ -160,73 +155,4 @@ class Settings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
                 f"loop.rate_hz = {self.loop.rate_hz:g} is too slow for chip.sample_rate_hz = "
                 f"{self.chip.sample_rate_hz:g}: the chip's FIFO would overflow; give {slowest:g} or more"
             )
-
-
-@dataclass(frozen=True, slots=True)
-class LoadedSettings:
-    """The settings and where each value came from: origin["chip.dlpf"] is "default", a file, or an option."""
-
-    settings: Settings
-    origin: Mapping[str, str]
-
-
-def load_settings(path: Path | None = None, *, options: Mapping[str, Value] | None = None) -> LoadedSettings:
-    """Defaults, then the file's values, then `options` ("bus.name" to value), the later ones winning.
-
-    Raises SettingsError naming the file and the key.
-    """
-    tables = cast(Tables, msgspec.to_builtins(Settings()))
-    origin = {f"{table}.{key}": "default" for table, keys in tables.items() for key in keys}
-    if path is not None:
-        for table, keys in _read_toml(path).items():
-            if not isinstance(keys, dict):
-                if table in tables:
-                    raise SettingsError(f"{path}: {table} is a table: write [{table}] and its keys below")
-                raise SettingsError(f"{path}: {table} stands outside a table: write it under one of {_known(tables)}")
-            if table not in tables:
-                raise SettingsError(f"{path}: unknown table [{table}]: the tables are {_known(tables)}")
-            for key, value in keys.items():
-                if key not in tables[table]:
-                    raise SettingsError(f"{path}: unknown key {table}.{key}: [{table}] has {_known(tables[table])}")
-                if not _is_finite(value):
-                    raise SettingsError(f"{path}: {table}.{key} = {value} is not a finite number: give one")
-                tables[table][key] = value
-                origin[f"{table}.{key}"] = str(path)
-    settings = parse_settings(tables, where=str(path))
-    if options:
-        for name, value in options.items():
-            table, _, key = name.partition(".")
-            tables[table][key] = value
-            origin[name] = "command line"
-        # By itself, so that the file is not blamed for an option.
-        settings = parse_settings(tables, where="command line")
-    return LoadedSettings(settings, origin)
-
-
-def parse_settings(tables: object, *, where: str) -> Settings:
-    """`Settings` of plain tables. Raises SettingsError that begins with `where` and names the key."""
-    try:
-        return msgspec.convert(tables, Settings)
-    except msgspec.ValidationError as error:
-        text, _, place = str(error).partition(" - at `$.")
-        key = place.rstrip("`").replace("[...]", "")
-        raise SettingsError(f"{where}: {key + ': ' if key else ''}{text}") from error
-
-
-def _read_toml(path: Path) -> dict[str, object]:
-    try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise SettingsError(f"{path}: cannot be read ({error.strerror}): give the path of a TOML file") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise SettingsError(f"{path}: is not TOML: {error}") from error
-
-
-def _is_finite(value: object) -> bool:
-    if isinstance(value, list):
-        return all(_is_finite(item) for item in value)
-    return not isinstance(value, float) or isfinite(value)
-
-
-def _known(names: Mapping[str, object]) -> str:
-    return ", ".join(names)
+        check_output_names(self.output)

@@ -1,0 +1,39 @@
+"""All that can be set, from three places: the defaults in `tables`, a TOML file, the command line."""
+
+from quavelet.attitude.params import FilterParams
+from quavelet.mpu6050.offset_settings import OffsetSettings
+from quavelet.settings.loading import LoadedSettings, Table, Tables, Value, as_tables, load_settings, parse_settings
+from quavelet.settings.outputs import Destination, EncodingName, MqttSettings, OutputSettings
+from quavelet.settings.service import RecordingSettings, ServiceSettings
+from quavelet.settings.tables import (
+    BusSettings,
+    CalibrationSettings,
+    LoopSettings,
+    MountingSettings,
+    Settings,
+    StartSettings,
+)
+
+__all__ = [
+    "BusSettings",
+    "CalibrationSettings",
+    "Destination",
+    "EncodingName",
+    "FilterParams",
+    "LoadedSettings",
+    "LoopSettings",
+    "MountingSettings",
+    "MqttSettings",
+    "OffsetSettings",
+    "OutputSettings",
+    "RecordingSettings",
+    "ServiceSettings",
+    "Settings",
+    "StartSettings",
+    "Table",
+    "Tables",
+    "Value",
+    "as_tables",
+    "load_settings",
+    "parse_settings",
+]

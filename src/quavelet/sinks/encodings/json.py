@@ -1,0 +1,19 @@
+"""JSON version 1, one message a line."""
+
+from __future__ import annotations
+
+import msgspec
+
+from quavelet.sinks.message import Message
+from quavelet.sinks.plan import OutputPlan
+
+
+class Json:
+    """The message as it is; each line ends with a newline."""
+
+    def __init__(self, plan: OutputPlan | None = None) -> None:
+        del plan
+        self._encoder = msgspec.json.Encoder()
+
+    def encode(self, message: Message) -> bytes:
+        return self._encoder.encode(message) + b"\n"

@@ -1,0 +1,35 @@
+"""Which encoding and which transport a name in the settings means."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from quavelet.core.errors import SettingsError
+from quavelet.settings.outputs import Way
+from quavelet.sinks.encoding import Encoding
+from quavelet.sinks.encodings.json import Json
+from quavelet.sinks.plan import OutputPlan
+from quavelet.sinks.transport import Transport
+
+ENCODINGS: dict[str, Callable[[OutputPlan], Encoding]] = {
+    "json": Json,
+}
+
+TRANSPORTS: dict[Way, Callable[[OutputPlan], Transport]] = {}
+"""stdout is not here: it is no business of the network's thread, since a pipe may block."""
+
+
+def make_encoding(plan: OutputPlan) -> Encoding:
+    """The encoding of an output. Raises SettingsError where it, or what it needs, is not there."""
+    made = ENCODINGS.get(plan.settings.encoding)
+    if made is None:
+        raise SettingsError(f"output.{plan.name}: encoding '{plan.settings.encoding}' is not there: use another")
+    return made(plan)
+
+
+def make_transport(plan: OutputPlan) -> Transport:
+    """The transport of an output. Raises SettingsError where it, or what it needs, is not there."""
+    made = TRANSPORTS.get(plan.settings.destination.way)
+    if made is None:
+        raise SettingsError(f"output.{plan.name}: to = '{plan.settings.to}' is not there: use another")
+    return made(plan)

@@ -1,0 +1,28 @@
+"""What an output is made from; its encoding and its transport take from it what they need."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from quavelet.core.clock import Clock
+from quavelet.settings import OutputSettings
+from quavelet.sinks.status import Status
+
+
+@dataclass(frozen=True, slots=True)
+class OutputPlan:
+    """One output to be.
+
+    name      of the output, as in [output.NAME]
+    settings  its table
+    service   the service's name
+    status    the service as it is at this moment; may be called on any thread
+    clock     of the loop
+    """
+
+    name: str
+    settings: OutputSettings
+    service: str
+    status: Callable[[], Status]
+    clock: Clock

@@ -1,0 +1,1 @@
+"""Where bytes go, one small file each."""
