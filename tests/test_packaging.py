@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import tomllib
 from importlib.metadata import entry_points
 from pathlib import Path
+
+import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
@@ -18,13 +22,24 @@ def packages_below(folder: Path, name: str) -> set[str]:
 
 def test_every_package_of_the_tree_is_in_the_wheel():
     found = packages_below(ROOT / "src" / "quavelet", "quavelet") | packages_below(ROOT / "hw_fakes", "hw_fakes")
-    assert set(PROJECT["tool"]["setuptools"]["packages"]) == found
+    assert set(PROJECT["tool"]["setuptools"]["packages"]) == found | {"quavelet.service.systemd"}
 
 
 def test_both_packages_tell_type_checkers_that_they_are_typed():
-    assert set(PROJECT["tool"]["setuptools"]["package-data"]) == {"quavelet", "hw_fakes"}
+    assert set(PROJECT["tool"]["setuptools"]["package-data"]) >= {"quavelet", "hw_fakes"}
     assert (ROOT / "src" / "quavelet" / "py.typed").exists()
     assert (ROOT / "hw_fakes" / "py.typed").exists()
+
+
+def test_the_wheel_has_the_unit_the_rule_and_the_sample_settings(tmp_path: Path):
+    pytest.importorskip("setuptools")
+    command = ["-q", "egg_info", "--egg-base", tmp_path, "build_py", "--build-lib", tmp_path / "wheel"]
+    build = [sys.executable, "-W", "ignore", "-c", "from setuptools import setup; setup()", *command]
+    done = subprocess.run(build, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    for name in ("quavelet@.service", "60-quavelet.rules", "quavelet.toml"):
+        packed = tmp_path / "wheel" / "quavelet" / "service" / "systemd" / name
+        assert packed.read_text() == (ROOT / "systemd" / name).read_text()
 
 
 def test_the_installed_buses_are_those_of_the_project():

@@ -1,0 +1,224 @@
+"""Putting the service in place and taking it away again: a list of steps in words, made from what is there.
+
+A step without anything to do only says so: a second installation finds everything in place, and a dry run is the same
+list, not carried out.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+
+import msgspec
+
+from quavelet.service.i2c_on import i2c_advice
+from quavelet.service.program import Program
+from quavelet.service.steps import InstallError, Run, Step, run_command, write_file
+from quavelet.settings import BusSettings, load_settings
+
+USER = "quavelet"
+GROUP = "i2c"
+UNIT = "quavelet@.service"
+RULE = "60-quavelet.rules"
+SAMPLE = "quavelet.toml"
+PLACE = "/opt/quavelet/venv/bin/quavelet"
+"""The program in the unit as it is shipped."""
+
+
+def shipped(name: str) -> str:
+    """The text of the unit, the udev rule or the sample settings: from the wheel, or from the source's folder."""
+    inside = Path(__file__).parent / "systemd"
+    folder = inside if inside.is_dir() else Path(__file__).parents[3] / "systemd"
+    try:
+        return (folder / name).read_text(encoding="utf-8")
+    except OSError as error:
+        raise InstallError(f"{folder / name} is missing ({error.strerror}): install quavelet anew") from error
+
+
+@dataclass(frozen=True, slots=True)
+class Installation:
+    """The service `name` below `root`, which is / or a system that is prepared on another machine.
+
+    live   whether systemd runs there, and is to be told
+    """
+
+    name: str
+    program: Program
+    root: Path = Path("/")
+    live: bool = True
+    run: Run = run_command
+
+    def __post_init__(self) -> None:
+        if not re.fullmatch(r"[A-Za-z0-9_-]{1,32}", self.name):
+            raise InstallError(f"'{self.name}' is no name of a service: letters, digits, _ and -, 32 at most")
+
+    @property
+    def config(self) -> Path:
+        return self.root / "etc/quavelet" / f"{self.name}.toml"
+
+    @property
+    def service(self) -> str:
+        return UNIT.replace("@", f"@{self.name}")
+
+    @property
+    def unit(self) -> Path:
+        return self.root / "etc/systemd/system" / UNIT
+
+    @property
+    def rule(self) -> Path:
+        return self.root / "etc/udev/rules.d" / RULE
+
+    @property
+    def recordings(self) -> Path:
+        return self.root / "var/lib/quavelet"
+
+    def install(self, *, chip: BusSettings | None = None, start: bool = True) -> list[Step]:
+        """What is to be done, in order; the chip for new settings, None for that of those there, or else the default.
+
+        Raises InstallError where the service could not run this program, SettingsError for settings that cannot be.
+        """
+        why_not = self.program.why_not()
+        if why_not is not None:
+            raise InstallError(why_not)
+        if chip is None:
+            chip = load_settings(self.config if self.config.exists() else None).settings.bus
+        unit = shipped(UNIT).replace(PLACE, str(self.program.path))
+        sample = _with_value(shipped(SAMPLE), "name", msgspec.json.encode(chip.name).decode())
+        sample = _with_value(sample, "address", f"0x{chip.address:02x}")
+        return [
+            self._group(),
+            *self._user(),
+            self._settings(sample),
+            self._file(self.unit, unit, "the unit; own changes belong into `systemctl edit`"),
+            self._file(self.rule, shipped(RULE), "the udev rule that lets the group keep the processors awake"),
+            *self._told_udev(),
+            *self._told_systemd(),
+            self._enable(start),
+            *self._advice(chip.name),
+        ]
+
+    def remove(self, *, purge: bool) -> list[Step]:
+        """What is to be done, in order; what other instances use stays."""
+        steps = []
+        if self.unit.exists():
+            how = ["disable", "--now"] if self.live else [*self._offline(), "disable"]
+            steps.append(self._command("stop and disable the service", ["systemctl", *how, self.service]))
+        others = sorted({link.name for link in self.unit.parent.glob("*.wants/quavelet@*")} - {self.service})
+        if others:
+            steps.append(Step(f"leave the unit, the udev rule and the user: {', '.join(others)} needs them"))
+        else:
+            steps += [self._gone(path) for path in (self.unit, self.rule)]
+            steps += [*self._told_udev(), *self._told_systemd()]
+        kept = [self.config, self.config.with_suffix(".toml.new"), *self._states()]
+        if not purge:
+            there = [str(path) for path in (*kept, self.recordings) if path.exists()]
+            if there:
+                steps.append(Step(f"leave {', '.join(there)}: --purge takes them too"))
+            return steps
+        steps += [self._gone(path) for path in kept if path.exists()]
+        if not others:
+            steps.append(self._gone(self.recordings))
+            if self._is_in("passwd", USER):
+                steps.append(self._command("take away its user", ["userdel", *self._prefix(), USER]))
+        calibrations = self.root / "etc/quavelet/calibration"
+        if calibrations.exists():
+            steps.append(Step(f"leave {calibrations}: a calibration is the chip's, not the service's"))
+        return steps
+
+    def _states(self) -> list[Path]:
+        return sorted(self.recordings.glob(f"{self.name}.state*"))
+
+    def _group(self) -> Step:
+        if self._is_in("group", GROUP):
+            return Step(f"the group {GROUP} is there")
+        return self._command("make the group that may use the bus", ["groupadd", *self._prefix(), "--system", GROUP])
+
+    def _user(self) -> list[Step]:
+        if not self._is_in("passwd", USER):
+            command = ["useradd", *self._prefix(), "--system", "--user-group", "--groups", GROUP, "--no-create-home"]
+            command += ["--shell", "/usr/sbin/nologin", USER]
+            return [self._command("make the user of the service, who may use the bus and not log in", command)]
+        if USER in self._line("group", GROUP).rpartition(":")[2].split(","):
+            return [Step(f"the user {USER} is there")]
+        command = ["usermod", *self._prefix(), "--append", "--groups", GROUP, USER]
+        return [self._command(f"let the user {USER} use the bus", command)]
+
+    def _settings(self, sample: str) -> Step:
+        shown = self.config
+        if not self.config.exists():
+            return Step(
+                f"write {shown}: the settings, to be changed as you like", lambda: write_file(self.config, sample)
+            )
+        if self.config.read_text(encoding="utf-8", errors="replace") == sample:
+            return Step(f"{shown} is there, as shipped")
+        beside = self.config.with_suffix(".toml.new")
+        if beside.exists() and beside.read_text(encoding="utf-8", errors="replace") == sample:
+            return Step(f"leave {shown}, which is yours; the sample lies beside it")
+        words = f"leave {shown}, which is yours; write the sample beside it, {beside.name}"
+        return Step(words, lambda: write_file(beside, sample))
+
+    def _file(self, path: Path, text: str, what: str) -> Step:
+        if not path.exists():
+            return Step(f"write {path}: {what}", lambda: write_file(path, text))
+        if path.read_text(encoding="utf-8", errors="replace") == text:
+            return Step(f"{path} is there, as shipped")
+        return Step(f"replace {path}, which differs: {what}", lambda: write_file(path, text))
+
+    def _told_udev(self) -> list[Step]:
+        if not self.live:
+            return []
+        later = "the rule holds from the next start of the machine on"
+        return [
+            self._command("tell udev", ["udevadm", "control", "--reload"], later),
+            self._command("use the rule", ["udevadm", "trigger", "--sysname-match=cpu_dma_latency"], later),
+        ]
+
+    def _told_systemd(self) -> list[Step]:
+        return [self._command("tell systemd", ["systemctl", "daemon-reload"])] if self.live else []
+
+    def _enable(self, start: bool) -> Step:
+        if self.live and start:
+            command, words = ["systemctl", "enable", "--now", self.service], "start the service, and at each start"
+            return self._command(f"{words} of the machine", command)
+        command = ["systemctl", *self._offline(), "enable", self.service]
+        return self._command("have the service started at the next start of the machine", command)
+
+    def _advice(self, bus: str) -> list[Step]:
+        kind, _, number = bus.partition(":")
+        if kind != "linux" or not number.isdecimal():
+            return []
+        return [Step(f"to do: {advice}") for advice in i2c_advice(int(number), root=self.root)]
+
+    def _gone(self, path: Path) -> Step:
+        if not path.exists():
+            return Step(f"{path} is not there")
+        if path.is_dir():
+            return Step(f"remove {path} and all that is in it", lambda: shutil.rmtree(path))
+        return Step(f"remove {path}", path.unlink)
+
+    def _command(self, words: str, command: list[str], if_failed: str = "") -> Step:
+        return Step(f"{words}: {' '.join(command)}", lambda: self.run(command), if_failed)
+
+    def _prefix(self) -> list[str]:
+        return [] if self.root == Path("/") else ["--prefix", str(self.root)]
+
+    def _offline(self) -> list[str]:
+        return [] if self.root == Path("/") else [f"--root={self.root}"]
+
+    def _is_in(self, table: str, name: str) -> bool:
+        return bool(self._line(table, name))
+
+    def _line(self, table: str, name: str) -> str:
+        """The line of /etc/passwd or /etc/group; "" where there is none."""
+        try:
+            lines = (self.root / "etc" / table).read_text(errors="replace").splitlines()
+        except FileNotFoundError:
+            return ""
+        return next((line for line in lines if line.startswith(f"{name}:")), "")
+
+
+def _with_value(sample: str, key: str, value: str) -> str:
+    """The text with the first line of that key given this value."""
+    return re.sub(rf"(?m)^{key} = .*", lambda _: f"{key} = {value}", sample, count=1)

@@ -1,0 +1,318 @@
+"""`quavelet service`: what it says, what it does, and what it leaves alone."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import stat
+import subprocess
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from quavelet.cli import exits
+from quavelet.cli.app import app
+from quavelet.core.errors import SettingsError
+from quavelet.service.i2c_on import i2c_advice
+from quavelet.service.install import PLACE, UNIT, Installation, shipped
+from quavelet.service.program import Program, this_program
+from quavelet.service.steps import InstallError, carry_out
+from quavelet.settings import BusSettings, Settings, load_settings
+
+PROGRAM = Program(Path("/usr/bin/env"))
+FILES = {"etc/quavelet/imu0.toml", "etc/systemd/system/quavelet@.service", "etc/udev/rules.d/60-quavelet.rules"}
+
+
+class Machine:
+    """A system below a folder, and what would have been run on it."""
+
+    def __init__(self, root: Path) -> None:
+        self.root = root
+        self.commands: list[str] = []
+        self.said: list[str] = []
+        (root / "etc").mkdir()
+        self.accounts("root:x:0:0::/root:/bin/sh\n", "root:x:0:\n")
+
+    def accounts(self, passwd: str, group: str) -> None:
+        (self.root / "etc/passwd").write_text(passwd)
+        (self.root / "etc/group").write_text(group)
+
+    def run(self, command: Sequence[str]) -> None:
+        self.commands.append(" ".join(command).replace(str(self.root), "ROOT"))
+        if command[0] == "useradd":
+            self.accounts("quavelet:x:999:999::/:/usr/sbin/nologin\n", "i2c:x:998:quavelet\nquavelet:x:999:\n")
+        wants = self.root / "etc/systemd/system/multi-user.target.wants"
+        if command[0] == "systemctl" and "enable" in command:
+            wants.mkdir(parents=True, exist_ok=True)
+            (wants / command[-1]).write_text("")
+        if command[0] == "systemctl" and "disable" in command:
+            (wants / command[-1]).unlink(missing_ok=True)
+
+    def of(self, name: str, *, live: bool = False) -> Installation:
+        return Installation(name, PROGRAM, self.root, live, self.run)
+
+    def install(self, name: str = "imu0", *, chip: BusSettings | None = None, dry_run: bool = False) -> None:
+        carry_out(self.of(name).install(chip=chip), say=self.said.append, dry_run=dry_run)
+
+    def remove(self, name: str = "imu0", *, purge: bool = False) -> None:
+        carry_out(self.of(name).remove(purge=purge), say=self.said.append, dry_run=False)
+
+    @property
+    def files(self) -> dict[str, str]:
+        there = {str(path.relative_to(self.root)): path for path in self.root.rglob("*") if path.is_file()}
+        return {name: path.read_text() for name, path in there.items() if name not in ("etc/passwd", "etc/group")}
+
+
+@pytest.fixture
+def machine(tmp_path: Path) -> Machine:
+    return Machine(tmp_path)
+
+
+def test_a_dry_run_says_the_same_and_does_nothing(machine: Machine) -> None:
+    machine.install(dry_run=True)
+    assert (machine.files, machine.commands) == ({}, [])
+    dry, machine.said = machine.said, []
+    machine.install()
+    assert machine.said == dry
+    wanted = {name for name in machine.files if ".wants/" not in name}
+    assert wanted == FILES
+    for name in FILES:
+        assert any(name in words for words in dry), name
+    for command in machine.commands:
+        assert any(command.replace("ROOT", str(machine.root)) in words for words in dry), command
+
+
+def test_what_is_installed_starts_this_program_with_settings_that_load(machine: Machine) -> None:
+    machine.install(chip=BusSettings(name='odd:"\\1', address=0x69))
+    unit = machine.files["etc/systemd/system/quavelet@.service"]
+    assert "\nExecStart=/usr/bin/env run --config /etc/quavelet/%i.toml" in unit
+    assert PLACE in shipped(UNIT)
+    assert PLACE not in unit
+    settings = load_settings(machine.root / "etc/quavelet/imu0.toml").settings
+    assert settings == Settings(bus=BusSettings(name='odd:"\\1', address=0x69))
+
+
+def test_others_can_read_what_is_written_whatever_the_umask_of_root(machine: Machine) -> None:
+    before = os.umask(0o077)
+    try:
+        machine.install()
+    finally:
+        os.umask(before)
+    for name in FILES:
+        path = machine.root / name
+        assert stat.S_IMODE(path.stat().st_mode) == 0o644
+        assert stat.S_IMODE(path.parent.stat().st_mode) & 0o005 == 0o005
+
+
+def test_a_second_installation_changes_nothing(machine: Machine) -> None:
+    machine.install(chip=BusSettings(address=0x69))
+    files, commands = machine.files, list(machine.commands)
+    machine.install()
+    assert machine.files == files
+    assert machine.commands[len(commands) :] == [c for c in commands if c.startswith("systemctl")]
+
+
+def test_settings_that_were_changed_are_never_overwritten(machine: Machine) -> None:
+    machine.install()
+    mine = machine.root / "etc/quavelet/imu0.toml"
+    text = mine.read_text().replace("rate_hz = 100.0", "rate_hz = 50.0")
+    mine.write_text(text)
+    machine.install()
+    assert mine.read_text() == text
+    assert load_settings(mine.with_name("imu0.toml.new")).settings == Settings()
+    assert any("imu0.toml.new" in words for words in machine.said)
+
+
+def test_settings_that_cannot_be_are_told_before_anything_is_done(machine: Machine) -> None:
+    machine.install()
+    (machine.root / "etc/quavelet/imu0.toml").write_text("[bus]\nadress = 1\n")
+    done = len(machine.commands)
+    with pytest.raises(SettingsError, match="adress"):
+        machine.install()
+    assert len(machine.commands) == done
+
+
+def test_a_user_who_is_there_without_the_bus_is_given_it(machine: Machine) -> None:
+    machine.accounts("quavelet:x:999:999::/:/usr/sbin/nologin\n", "i2c:x:998:pi\n")
+    machine.install()
+    assert machine.commands[0] == "usermod --prefix ROOT --append --groups i2c quavelet"
+
+
+def test_removing_leaves_settings_and_recordings(machine: Machine) -> None:
+    machine.install()
+    recordings = machine.root / "var/lib/quavelet"
+    recordings.mkdir(parents=True)
+    (recordings / "imu0.state").write_text("state")
+    (recordings / "a.qrec").write_text("recording")
+    machine.remove()
+    kept = {"etc/quavelet/imu0.toml", "var/lib/quavelet/imu0.state", "var/lib/quavelet/a.qrec"}
+    assert set(machine.files) == kept
+    assert any("imu0.toml" in words and "--purge" in words for words in machine.said)
+    assert "systemctl --root=ROOT disable quavelet@imu0.service" in machine.commands
+    assert not any(command.startswith("userdel") for command in machine.commands)
+
+
+def test_a_purge_takes_all_but_the_calibrations(machine: Machine) -> None:
+    machine.install()
+    (machine.root / "var/lib/quavelet").mkdir(parents=True)
+    (machine.root / "var/lib/quavelet/a.qrec").write_text("recording")
+    calibration = machine.root / "etc/quavelet/calibration/chip.toml"
+    calibration.parent.mkdir()
+    calibration.write_text("")
+    machine.remove(purge=True)
+    assert set(machine.files) == {"etc/quavelet/calibration/chip.toml"}
+    assert machine.commands[-1] == "userdel --prefix ROOT quavelet"
+
+
+def test_removing_one_of_two_leaves_the_other_running(machine: Machine) -> None:
+    machine.install("imu0")
+    machine.install("imu1", chip=BusSettings(address=0x69))
+    (machine.root / "var/lib/quavelet").mkdir(parents=True)
+    for name in ("imu0.state", "imu1.state", "a.qrec"):
+        (machine.root / "var/lib/quavelet" / name).write_text("")
+    machine.remove("imu1", purge=True)
+    names = set(machine.files)
+    assert names >= FILES | {"var/lib/quavelet/imu0.state", "var/lib/quavelet/a.qrec"}
+    assert not [name for name in names if "imu1" in name]
+    assert not any(command.startswith("userdel") for command in machine.commands)
+
+
+def test_removing_what_is_not_there_is_no_failure(machine: Machine) -> None:
+    machine.remove(purge=True)
+    assert (machine.files, machine.commands) == ({}, [])
+
+
+def test_a_running_systemd_is_told_before_the_service_is_started(machine: Machine) -> None:
+    words = [step.words for step in machine.of("imu0", live=True).install()]
+    reload = next(k for k, word in enumerate(words) if "systemctl daemon-reload" in word)
+    start = next(k for k, word in enumerate(words) if "systemctl enable --now quavelet@imu0.service" in word)
+    assert reload < start
+    assert max(k for k, word in enumerate(words) if word.startswith("write ")) < reload
+
+
+def test_a_machine_without_udev_gets_its_service_all_the_same(machine: Machine) -> None:
+    def no_udev(command: Sequence[str]) -> None:
+        if command[0] == "udevadm":
+            raise InstallError("udevadm is not installed")
+        machine.run(command)
+
+    there = Installation("imu0", PROGRAM, machine.root, True, no_udev)
+    carry_out(there.install(), say=machine.said.append, dry_run=False)
+    assert machine.commands[-1] == "systemctl enable --now quavelet@imu0.service"
+    assert any("not installed: the rule holds from" in words for words in machine.said)
+
+
+def test_the_first_step_that_fails_is_the_last(machine: Machine) -> None:
+    def refuses(command: Sequence[str]) -> None:
+        raise InstallError(f"{command[0]}: no")
+
+    there = Installation("imu0", PROGRAM, machine.root, False, refuses)
+    with pytest.raises(InstallError, match="groupadd: no"):
+        carry_out(there.install(), say=machine.said.append, dry_run=False)
+    assert len(machine.said) == 1
+    assert machine.files == {}
+
+
+@pytest.mark.parametrize("name", ["", "../x", "a b", "x" * 33, "imu0.service", "%i", "ä"])
+def test_a_name_that_could_lead_elsewhere_is_refused(machine: Machine, name: str) -> None:
+    with pytest.raises(InstallError, match="is no name of a service"):
+        machine.of(name)
+
+
+@pytest.mark.parametrize(
+    "path", ["/home/pi/venv/bin/quavelet", "/root/q/quavelet", "/tmp/q/quavelet", "/usr/a b/quavelet", "quavelet"]
+)
+def test_a_program_that_the_service_does_not_see_is_refused_with_what_to_do(machine: Machine, path: str) -> None:
+    there = Installation("imu0", Program(Path(path)), machine.root, False, machine.run)
+    with pytest.raises(InstallError, match=r"sudo python3 -m venv /opt/quavelet/venv"):
+        there.install()
+
+
+def test_a_venv_whose_python_lies_in_a_home_is_refused() -> None:
+    why_not = Program(Path("/usr/bin/env"), (Path("/home/pi/.local/share/uv/python3"),)).why_not()
+    assert why_not is not None
+    assert why_not.startswith("/home/pi/.local/share/uv/python3 lies in /home")
+
+
+def test_a_folder_that_others_may_not_enter_is_told(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr("quavelet.service.program.HIDDEN", ())
+    (tmp_path / "quavelet").write_text("")
+    tmp_path.chmod(0o700)
+    why_not = Program(tmp_path / "quavelet").why_not()
+    assert why_not is not None
+    # pytest's own folders above it are shut, too.
+    assert re.match(r"\S+ is shut to the service's user: put it where every user can read it", why_not)
+
+
+def test_the_program_found_is_one_that_can_be_run() -> None:
+    program = this_program()
+    assert program.path.is_absolute()
+    assert program.path.name == "quavelet"
+    assert all(part.exists() for part in program.parts[1:])
+
+
+@pytest.mark.parametrize(
+    ("lines", "device", "told"),
+    [
+        (None, True, []),
+        (None, False, ["modprobe i2c-dev"]),
+        ("#dtparam=i2c_arm=on\n", False, ["raspi-config nonint do_i2c 0"]),
+        ("dtparam=i2c_arm=off\n", False, ["raspi-config nonint do_i2c 0"]),
+        ("dtparam=audio=on,i2c_arm=on\n", False, ["modprobe i2c-dev"]),
+        ("dtparam=i2c_arm=on\n", True, ["i2c_arm_baudrate=400000"]),
+        ("dtparam=i2c_arm=on,i2c_arm_baudrate=400000\n", True, []),
+        ("dtparam=i2c_arm=on\ndtparam=i2c_arm_baudrate=fast\n", True, ["i2c_arm_baudrate=400000"]),
+    ],
+)
+def test_a_bus_that_is_off_or_slow_is_told_with_what_to_do(
+    tmp_path: Path, lines: str | None, device: bool, told: list[str]
+) -> None:
+    (tmp_path / "dev").mkdir()
+    if device:
+        (tmp_path / "dev/i2c-1").write_text("")
+    if lines is not None:
+        (tmp_path / "boot/firmware").mkdir(parents=True)
+        (tmp_path / "boot/firmware/config.txt").write_text(f"[all]\n{lines}")
+    advice = i2c_advice(1, root=tmp_path)
+    assert len(advice) == len(told)
+    for sentence, words in zip(advice, told, strict=True):
+        assert words in sentence
+
+
+def test_the_bus_of_settings_that_are_there_is_looked_at(machine: Machine) -> None:
+    machine.install(chip=BusSettings(name="linux:7"))
+    machine.said.clear()
+    machine.install()
+    assert [words for words in machine.said if words.startswith("to do: there is no /dev/i2c-7")]
+    machine.install(chip=BusSettings(name="fake:tilt"))
+    assert not machine.said[-1].startswith("to do: ")
+
+
+def test_without_root_it_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "geteuid", lambda: 1000)
+    monkeypatch.setattr("quavelet.cli.service.this_program", lambda: PROGRAM)
+    result = CliRunner().invoke(app, ["service", "remove"])
+    assert isinstance(result.exception, InstallError)
+    assert str(result.exception).startswith("this needs root: sudo /usr/bin/env service remove")
+    assert exits.exit_code(result.exception) == exits.FAILED
+    assert CliRunner().invoke(app, ["service", "remove", "--dry-run"]).exit_code == exits.OK
+
+
+@pytest.mark.skipif(os.geteuid() != 0 or not shutil.which("useradd"), reason="only root may make users, by useradd")
+def test_the_real_commands_work_below_another_root(tmp_path: Path) -> None:
+    (tmp_path / "etc").mkdir()
+    for name, text in (("passwd", "root:x:0:0::/root:/bin/sh\n"), ("group", "root:x:0:\n")):
+        (tmp_path / "etc" / name).write_text(text)
+    there = Installation("imu0", PROGRAM, tmp_path, False)
+    carry_out(there.install(), say=print, dry_run=False)
+    assert "i2c:" in (tmp_path / "etc/group").read_text()
+    assert "quavelet:" in (tmp_path / "etc/passwd").read_text()
+    assert [path.name for path in tmp_path.glob("etc/systemd/system/*.wants/*")] == ["quavelet@imu0.service"]
+    assert [step.words for step in there.install()][:2] == ["the group i2c is there", "the user quavelet is there"]
+    carry_out(there.remove(purge=True), say=print, dry_run=False)
+    assert "quavelet" not in (tmp_path / "etc/passwd").read_text()
+    assert not [path for path in tmp_path.rglob("quavelet*") if path.is_file()]
+    assert subprocess.run(["id", "quavelet"], capture_output=True, check=False).returncode != 0
