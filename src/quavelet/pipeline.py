@@ -98,7 +98,13 @@ def build_pipeline(settings: Settings, *, calibration: ImuCalibration = UNCALIBR
     return Pipeline(
         Calibrate(calibration),
         StillBias(window_s=settings.start.still_s, refine=calibration.knows_bias),
-        Denoise(row_filter, sample_rate_hz=settings.chip.sample_rate_hz) if row_filter else None,
+        Denoise(
+            row_filter,
+            sample_rate_hz=settings.chip.sample_rate_hz,
+            keeps_slow_motion=settings.denoise.keeps_slow_motion,
+        )
+        if row_filter
+        else None,
         settings.filter.build(residual=residual),
         Heading(heading, residual=residual) if heading else None,
     )

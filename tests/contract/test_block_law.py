@@ -104,7 +104,10 @@ def stuck_at_times_block(seed: int, n: int) -> ImuBlock:
 
 
 def denoised(**params):
-    return stuck_at_times_block, lambda: Denoise(DenoiseParams(**params).build(), sample_rate_hz=200.0)
+    asked = DenoiseParams(**params)
+    return stuck_at_times_block, lambda: Denoise(
+        asked.build(), sample_rate_hz=200.0, keeps_slow_motion=asked.keeps_slow_motion
+    )
 
 
 QUICK = Settings(start=StartSettings(still_s=0.5), filter=FilterParams(kind="pid", kp=1.0, ki=0.1, kd=0.3))
@@ -140,6 +143,8 @@ STAGES = {
     ),
     "wavelet, power": denoised(kind="wavelet", levels=1, shrink="power", k=3.0),
     "low-pass": denoised(kind="lowpass"),
+    "details alone": denoised(kind="details"),
+    "details, shrunk": denoised(kind="details-shrunk"),
     "median": denoised(kind="median", window=7),
     "hampel": denoised(kind="hampel"),
     "smoother": denoised(kind="smoother"),

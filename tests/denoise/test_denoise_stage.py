@@ -13,16 +13,20 @@ from msgspec import structs
 
 from quavelet.core.blocks import Flag, ImuBlock, RawBlock, Scale, array_fields, concat
 from quavelet.core.errors import SettingsError
+from quavelet.core.euler import to_euler
 from quavelet.denoise.params import DenoiseParams
 from quavelet.denoise.rows import whole
 from quavelet.denoise.stage import Denoise
 from quavelet.pipeline import build_pipeline
-from quavelet.settings import Settings, load_settings
+from quavelet.settings import FilterParams, Settings, StartSettings, load_settings
 from quavelet.sinks.message import message_of
 
 KINDS = ("wavelet", "lowpass", "median", "hampel", "smoother")
+"""Those that keep slow motion."""
 DELAYS = {"wavelet": 15, "lowpass": 15, "median": 2, "hampel": 2, "smoother": 0}
 PERIOD_NS = 5_000_000
+SCALE = Scale(gyro_rad_s_per_lsb=np.radians(1 / 65.5), accel_m_s2_per_lsb=9.80665 / 8192,
+              temp_degc_per_lsb=1 / 340, temp_degc_at_zero=36.53)  # fmt: skip
 
 
 def stage(kind: str, **params) -> Denoise:
@@ -42,6 +46,13 @@ def samples(seed: int, n: int) -> ImuBlock:
         gyro_bias_rad_s=np.zeros((n, 3)),
         still=rng.random(n) < 0.5,
     )
+
+
+def raw_block(counts: np.ndarray) -> RawBlock:
+    """Counts (N, 7) of a chip at 500 deg/s and 4 g."""
+    zeros = np.zeros(len(counts))
+    return RawBlock(t_ns=np.arange(len(counts)) * PERIOD_NS, period_s=zeros + 0.005, gap_ns=zeros.astype(np.int64),
+                    flags=zeros.astype(np.uint32), counts=counts, scale=SCALE)  # fmt: skip
 
 
 def flagged(block: ImuBlock, rows: list[int], flag: Flag) -> ImuBlock:
@@ -159,14 +170,10 @@ def test_a_value_that_is_not_finite_is_refused_by_its_row(kind):
 
 
 def test_an_impulse_on_the_bus_does_not_reach_the_attitude_through_hampel():
-    scale = Scale(gyro_rad_s_per_lsb=np.radians(1 / 65.5), accel_m_s2_per_lsb=9.80665 / 8192,
-                  temp_degc_per_lsb=1 / 340, temp_degc_at_zero=36.53)  # fmt: skip
     rng = np.random.default_rng(8)
     counts = rng.normal([0, 0, 8192, 0, 0, 0, 0], [20, 20, 20, 0, 3, 3, 3], (1200, 7)).astype(np.int16)
     counts[1000, 4] = 32767
-    zeros = np.zeros(1200)
-    raw = RawBlock(t_ns=np.arange(1200) * PERIOD_NS, period_s=zeros + 0.005, gap_ns=zeros.astype(np.int64),
-                   flags=zeros.astype(np.uint32), counts=counts, scale=scale)  # fmt: skip
+    raw = raw_block(counts)
     roll = {}
     for kind in ("none", "hampel"):
         pipeline = build_pipeline(structs.replace(Settings(), denoise=DenoiseParams(kind=kind)))
@@ -221,3 +228,26 @@ def test_the_file_and_the_key_are_named(tmp_path):
         load_settings(path)
     path.write_text('[denoise]\nkind = "median"\nwindow = 13\n')
     assert load_settings(path).settings.denoise == DenoiseParams(kind="median", window=13)
+
+
+@pytest.mark.parametrize(("kind", "filter_kind"), [("details", "pid"), ("details", "gyro"), ("details-shrunk", "pid")])
+def test_the_readings_that_zero_the_low_band_lose_a_turn_and_are_flagged(kind, filter_kind):
+    """Paper 000's readings A, B and D: a turn of 120 deg reads 0, and nobody is let believe it."""
+    base = Settings()
+    given = structs.replace(
+        base,
+        denoise=DenoiseParams(kind=kind),
+        filter=FilterParams(kind=filter_kind),
+        start=StartSettings(gyro_bias_dps=(1.0, 0.0, 2.0)),
+    )
+    counts = np.random.default_rng(1).normal([0, 0, 8192, 0, 65.5, 0, 131.0], [20, 20, 20, 0, 3, 3, 3], (2200, 7))
+    counts[1000:2000, 6] += 24.0 * 65.5
+    turning = raw_block(counts.astype(np.int16))
+    out = build_pipeline(given).process(turning)
+    yaw_deg = np.degrees(np.unwrap(to_euler(out.q)[:, 2]))
+    assert abs(yaw_deg[-1] - yaw_deg[0]) < 1.0
+    assert (out.flags & Flag.HEADING_SUSPECT).all()
+    assert not (out.flags & Flag.BIAS_UNKNOWN).any()
+    assert out.delay_ns == 15 * 5_000_000
+    followed = build_pipeline(structs.replace(given, denoise=DenoiseParams())).process(turning)
+    assert np.degrees(np.ptp(np.unwrap(to_euler(followed.q)[:, 2]))) == pytest.approx(120.0, abs=1.0)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Literal, get_args
 
 import msgspec
 
@@ -16,10 +16,11 @@ from quavelet.denoise.smoother import LineSmoother
 from quavelet.denoise.thresholds import Noise, StreamRule
 from quavelet.denoise.undecimated import UndecimatedFilter
 
-Kind = Literal["none", "wavelet", "lowpass", "median", "hampel", "smoother"]
+Kind = Literal["none", "wavelet", "lowpass", "median", "hampel", "smoother", "details", "details-shrunk"]
 
 MAX_DELAY = 1000
 """Samples. A filter that waits for more is not one for a stream, and its memory grows with it."""
+_OF_FORCE = (False,) * 3 + (True,) * 3
 _FLOORS = (GYRO_FLOOR_RAD_S,) * 3 + (ACCEL_FLOOR_M_S2,) * 3
 
 
@@ -32,6 +33,10 @@ class DenoiseParams(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
                 "median"    of a window; (window - 1)/2 late
                 "hampel"    only impulses are replaced, by the median of the window; (window - 1)/2 late
                 "smoother"  a straight line through the past; not late
+                "details"   paper 000's reading A, with the filter "gyro" its reading B: only the rate's details are kept,
+                            and with its bias all motion slower than an eighth of the sample rate goes. For comparison
+                            only: the heading cannot move, and is flagged
+                "details-shrunk"  its reading D: the details shrunk as by "wavelet" besides
     wavelet     of "wavelet" and "lowpass": "db3", "db4", "sym6", ...
     levels      of both
     threshold   of "wavelet": "universal" or "level_scaled"
@@ -58,7 +63,7 @@ class DenoiseParams(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
         if not 1 <= self.levels <= 10:
             raise SettingsError(f"levels = {self.levels} does not fit: give 1 to 10")
         # What is wrong is wrong whatever the kind: else it would show only when the kind is changed.
-        for kind in ("wavelet", "lowpass", "median", "hampel", "smoother"):
+        for kind in get_args(Kind)[1:]:
             try:
                 row_filter = self._filter(kind)
             except ValueError as error:
@@ -68,6 +73,11 @@ class DenoiseParams(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
                     f"{kind} would be {row_filter.delay} samples late: give fewer levels, a shorter wavelet or a "
                     f"shorter window, so that it is {MAX_DELAY} at most"
                 )
+
+    @property
+    def keeps_slow_motion(self) -> bool:
+        """Whether the rate's mean and slow motion come through."""
+        return not self.kind.startswith("details")
 
     def build(self) -> RowFilter | None:
         """A new filter for rows of rate x y z in rad/s and acceleration x y z in m/s^2; None for "none"."""
@@ -82,6 +92,7 @@ class DenoiseParams(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
             return LineSmoother(self.forgetting)
         wavelet = UndecimatedFilter(
             self.wavelet, self.levels, rule=self.threshold, noise=self.noise, shrink=self.shrink, k=self.k,
-            alpha=self.alpha,
+            alpha=self.alpha, threshold=0.0 if kind == "details" else None,
+            approximation=_OF_FORCE if kind.startswith("details") else True,
         )  # fmt: skip
-        return wavelet if kind == "wavelet" else FirFilter(approximation_taps(self.wavelet, self.levels))
+        return FirFilter(approximation_taps(self.wavelet, self.levels)) if kind == "lowpass" else wavelet

@@ -21,6 +21,7 @@ from quavelet.core.units import NS_PER_S
 from quavelet.denoise.rows import Memory, RowFilter
 from quavelet.denoise.signal import check_finite
 
+_UNKNOWN, _SUSPECT = np.uint32(Flag.BIAS_UNKNOWN), np.uint32(Flag.HEADING_SUSPECT)
 _NONE = ImuBlock(
     t_ns=np.empty(0, dtype=np.int64),
     period_s=np.empty(0),
@@ -58,11 +59,14 @@ class Denoise:
     It filters the rate with its bias still on, and takes off each sample's own: a bias that has just been
     found is no jump to be smoothed. Raises ValueError where a value is not finite.
 
-    sample_rate_hz   the nominal one; `delay_ns` is the delay by it, the same for every block
+    sample_rate_hz      the nominal one; `delay_ns` is the delay by it, the same for every block
+    keeps_slow_motion   False: the filter takes the rate's mean away, the bias with it, and slow turns too; then no bias
+                        is taken off, none is unknown, and every sample is flagged HEADING_SUSPECT
     """
 
-    def __init__(self, row_filter: RowFilter, *, sample_rate_hz: float) -> None:
+    def __init__(self, row_filter: RowFilter, *, sample_rate_hz: float, keeps_slow_motion: bool = True) -> None:
         self._filter = row_filter
+        self._keeps_slow_motion = keeps_slow_motion
         self.delay_samples = row_filter.delay
         self.delay_ns = round(row_filter.delay / sample_rate_hz * NS_PER_S)
         self._running = False
@@ -88,7 +92,7 @@ class Denoise:
         if not self._running:
             return _NONE
         rows = self._filter.drain()[self._early :]
-        given = _filtered(self._waiting, rows)
+        given = self._filtered(self._waiting, rows)
         self._running, self._waiting = False, _NONE
         return given
 
@@ -120,8 +124,15 @@ class Denoise:
         due = len(out) - skip
         waiting = concat([self._waiting, block]) if len(self._waiting) else block
         self._waiting = waiting[due:]
-        return _filtered(waiting[:due], out[skip:])
+        return self._filtered(waiting[:due], out[skip:])
 
-
-def _filtered(block: ImuBlock, rows: FloatArray) -> ImuBlock:
-    return replace(block, gyro_rad_s=rows[:, :3] - block.gyro_bias_rad_s, accel_m_s2=rows[:, 3:])
+    def _filtered(self, block: ImuBlock, rows: FloatArray) -> ImuBlock:
+        if self._keeps_slow_motion:
+            return replace(block, gyro_rad_s=rows[:, :3] - block.gyro_bias_rad_s, accel_m_s2=rows[:, 3:])
+        return replace(
+            block,
+            gyro_rad_s=rows[:, :3],
+            accel_m_s2=rows[:, 3:],
+            gyro_bias_rad_s=np.zeros_like(block.gyro_bias_rad_s),
+            flags=(block.flags & ~_UNKNOWN) | _SUSPECT,
+        )

@@ -35,7 +35,8 @@ class UndecimatedFilter:
     rule        thresholds from the sigma that `NoiseMeter` finds: "universal" or "level_scaled"
     noise       "first": sigma from the details of level 1; "level": each level's from its own
     threshold   in the unit of the signal, for all levels, in place of both; a number or one for each column
-    approximation   False: A_J is left out, and with it the mean and all slow motion (paper 000, A and D)
+    approximation   False: A_J is left out, and with it the mean and all slow motion (paper 000, A and D); or one for
+                each column
 
     Until the noise is measured for the first time nothing is shrunk: the rows come out late and as they were.
 
@@ -54,7 +55,7 @@ class UndecimatedFilter:
         k: float = 16.0,
         alpha: float = 1.0,
         threshold: float | FloatArray | None = None,
-        approximation: bool = True,
+        approximation: bool | tuple[bool, ...] = True,
     ) -> None:
         self._dec, self._rec = _banks(wavelet)
         if levels < 1:
@@ -63,7 +64,7 @@ class UndecimatedFilter:
         self._shrink, self._k, self._alpha = shrink, k, alpha
         self._factors = [_factor(rule, level) for level in range(1, levels + 1)]
         self._threshold = threshold
-        self._approximation = approximation
+        self._kept: FloatArray = np.asarray(approximation, dtype=np.float64)
         self._noise = NoiseMeter(levels if noise == "level" else 1)
         self._shrunk(np.zeros((1, 1)), 0, np.zeros((1, 1)))  # a wrong name or parameter is to show here
         self._inputs: list[FloatArray] = []
@@ -108,7 +109,7 @@ class UndecimatedFilter:
         measured = details[: self._noise.levels]
         sigma = self._noise.follow(measured) if measure else self._noise.held(len(rows), rows.shape[1])
         kept = [self._shrunk(d, i, sigma[min(i, len(sigma) - 1)]) for i, d in enumerate(details)]
-        return self._synthesised(smooth if self._approximation else np.zeros_like(smooth), kept)
+        return self._synthesised(self._kept * smooth, kept)
 
     def _analysed(self, rows: FloatArray) -> tuple[FloatArray, list[FloatArray]]:
         details = []
