@@ -33,9 +33,9 @@ class DenoiseParams(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
                 "median"    of a window; (window - 1)/2 late
                 "hampel"    only impulses are replaced, by the median of the window; (window - 1)/2 late
                 "smoother"  a straight line through the past; not late
-                "details"   paper 000's reading A, with the filter "gyro" its reading B: only the rate's details are kept,
-                            and with its bias all motion slower than an eighth of the sample rate goes. For comparison
-                            only: the heading cannot move, and is flagged
+                "details"   paper 000's reading A, with the filter "gyro" its reading B: the rate without its bias and
+                            all motion slower than an eighth of the sample rate. For comparison only: the heading
+                            cannot move, and is flagged
                 "details-shrunk"  its reading D: the details shrunk as by "wavelet" besides
     wavelet     of "wavelet" and "lowpass": "db3", "db4", "sym6", ...
     levels      of both
