@@ -120,6 +120,12 @@ def pack_drain(drain: Drain) -> tuple[Kind, bytes]:
     return Kind.EDGES, head + _EDGES.pack(len(drain.edges)) + edges + drain.data
 
 
+def drain_bytes(drain: Drain) -> int:
+    """How long a drain's record is."""
+    edges = _EDGES.size + len(drain.edges) * _EDGE.size if drain.edges else 0
+    return FRAME_OVERHEAD_BYTES + _DRAIN.size + edges + len(drain.data)
+
+
 def unpack_drain(kind: int, payload: bytes) -> Drain:
     """The drain of a DRAIN's or EDGES' payload. Raises struct.error where that is no such."""
     seq, before_ns, after_ns, int_status, fifo_count, code = _DRAIN.unpack_from(payload)

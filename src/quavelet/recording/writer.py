@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import errno as codes
+import fcntl
 import os
 from collections.abc import Callable
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 from types import TracebackType
-from typing import Self, cast
+from typing import Protocol, Self, cast
 
 import msgspec
 
@@ -18,13 +19,25 @@ from quavelet.core.errors import RecordingError
 from quavelet.core.units import NS_PER_S
 from quavelet.mpu6050.drain import Drain
 from quavelet.mpu6050.stream import StreamInfo
-from quavelet.recording.format import MAGIC, Header, Kind, checksum, pack_drain, pack_header, pack_record
+from quavelet.recording.format import (
+    FRAME_OVERHEAD_BYTES,
+    MAGIC,
+    Header,
+    Kind,
+    checksum,
+    pack_drain,
+    pack_header,
+    pack_record,
+)
 from quavelet.settings import Settings
 
 FLUSH_NS = NS_PER_S
 """Drain time after which all is handed to the operating system: what a kill may cost."""
 BUFFER_BYTES = 1 << 16
+END_BYTES = FRAME_OVERHEAD_BYTES
+"""What `close` adds."""
 
+DISK_FULL = (codes.ENOSPC, codes.EDQUOT)
 _ADVICE: dict[int | None, str] = {
     codes.ENOSPC: "make room, or record on another disk",
     codes.EDQUOT: "make room, or record on another disk",
@@ -38,6 +51,18 @@ _ADVICE: dict[int | None, str] = {
 }
 
 
+class Room(Protocol):
+    """Who keeps the disk from filling up."""
+
+    def reserve(self, n: int, /) -> None:
+        """Make room for `n` more bytes, which are written next. Raises RecordingError where there is none."""
+        ...
+
+    def make_room(self) -> bool:
+        """The disk is full: whether something was deleted, so that it may be tried again."""
+        ...
+
+
 class RecordingWriter:
     """Writes streams and their drains to `path`; a context manager, and a sink for both in one queue.
 
@@ -47,14 +72,30 @@ class RecordingWriter:
 
     `calibration` is asked, when a stream begins, for the text of the calibration's file that is in use.
 
-    A killed process loses a second of drains at most; on a loss of power the operating system also loses what
-    it has not yet put on the disk (on Linux about 30 s by its defaults). `close` waits for the disk.
+    A killed process loses a second of drains at most. A loss of power also loses what the operating system has
+    not yet put on the disk: the drains of `fsync_s` seconds, after which the disk is waited for, or of about 30 s
+    by Linux's defaults where it is 0. The header is on the disk before the first drain, and `close` waits too.
+
+    `room` is asked before anything is written; with it the file is locked (flock) while it is written.
+    drains_waiting  drains taken that were not handed to the operating system yet
     """
 
     def __init__(
-        self, path: str | Path, *, settings: Settings, overwrite: bool = False, clock: Clock | None = None
+        self,
+        path: str | Path,
+        *,
+        settings: Settings,
+        overwrite: bool = False,
+        clock: Clock | None = None,
+        fsync_s: float = 0.0,
+        room: Room | None = None,
     ) -> None:
         self.path = Path(path)
+        self.drains_waiting = 0
+        self._fsync_ns = round(fsync_s * NS_PER_S)
+        self._synced_ns: int | None = None
+        self._room = room
+        self._written_bytes = 0
         self._settings = settings
         self.calibration: Callable[[], str] = str
         self._clock = clock or MonotonicClock()
@@ -70,12 +111,23 @@ class RecordingWriter:
         except OSError as error:
             raise self._error(error) from error
         try:
+            if room is not None:
+                fcntl.flock(self._file.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
             self._flush()
+        except OSError as error:
+            self._file.close()
+            self.path.unlink(missing_ok=True)
+            raise self._error(error) from error
         except RecordingError:
             if not overwrite:
                 # Nothing is in it, and the next try would be refused for it.
                 self.path.unlink(missing_ok=True)
             raise
+
+    @property
+    def size_bytes(self) -> int:
+        """How long the file is once all that waits is in it; `close` adds END_BYTES."""
+        return self._written_bytes + len(self._waiting)
 
     def begin(self, info: StreamInfo) -> None:
         """Begin a stream: the first, or another after the chip was restarted."""
@@ -92,9 +144,12 @@ class RecordingWriter:
         payload = pack_header(header)
         self._stream_crc = checksum(Kind.HEADER, payload, stream_crc=0)
         self._waiting += 2 * pack_record(Kind.HEADER, payload, crc=self._stream_crc)
-        self._begun = True
         self._flushed_ns = None
         self._flush()
+        if not self._begun and self._fsync_ns:
+            self._sync()
+            self._sync_folder()
+        self._begun = True
 
     def write(self, item: StreamInfo | Drain) -> None:
         """Write a drain of the stream begun last, or begin another stream."""
@@ -105,12 +160,18 @@ class RecordingWriter:
         if not self._begun:
             raise RecordingError(f"{self.path}: a drain came before any stream: write the StreamInfo first")
         self._append(*pack_drain(item))
+        self.drains_waiting += 1
         if self._flushed_ns is None:
             self._flushed_ns = item.after_ns
+        if self._synced_ns is None:
+            self._synced_ns = item.after_ns
         # Time that goes back is another clock's: flush, and count from there.
         if not 0 <= item.after_ns - self._flushed_ns < FLUSH_NS or len(self._waiting) >= BUFFER_BYTES:
             self._flush()
             self._flushed_ns = item.after_ns
+            if self._fsync_ns and not 0 <= item.after_ns - self._synced_ns < self._fsync_ns:
+                self._sync()
+                self._synced_ns = item.after_ns
 
     def close(self) -> None:
         """Mark the end, and wait until all is on the disk. May be called twice."""
@@ -118,12 +179,8 @@ class RecordingWriter:
             return
         self._append(Kind.END, b"")
         self._flush()
-        try:
-            os.fsync(self._file.fileno())
-        except OSError as error:
-            raise self._error(error) from error
-        finally:
-            self._file.close()
+        self._sync()
+        self._file.close()
 
     def __enter__(self) -> Self:
         return self
@@ -139,11 +196,54 @@ class RecordingWriter:
     def _flush(self) -> None:
         """Hand all to the operating system; a disk that fills up takes the first part, then raises."""
         try:
+            if self._room is not None:
+                self._room.reserve(len(self._waiting))
             while self._waiting:
-                del self._waiting[: self._file.write(self._waiting)]
+                self._write_some()
+            if os.fstat(self._file.fileno()).st_nlink == 0:
+                raise RecordingError(f"{self.path} was deleted while it was written: record to another")
         except OSError as error:
             self._file.close()
             raise self._error(error) from error
+        except RecordingError:
+            self._file.close()
+            raise
+        self.drains_waiting = 0
+
+    def _write_some(self) -> None:
+        try:
+            n = self._file.write(self._waiting)
+        except OSError as error:
+            if error.errno in DISK_FULL and self._room is not None and self._room.make_room():
+                return
+            raise
+        del self._waiting[:n]
+        self._written_bytes += n
+
+    def _sync(self) -> None:
+        """Wait until the disk has all that was handed over."""
+        try:
+            os.fsync(self._file.fileno())
+        except OSError as error:
+            self._file.close()
+            raise self._error(error) from error
+
+    def _sync_folder(self) -> None:
+        """Wait until the disk has the file's name too, without which a new file is lost with the power."""
+        try:
+            folder = os.open(self.path.parent, os.O_RDONLY | os.O_DIRECTORY)
+        except OSError as error:
+            self._file.close()
+            raise self._error(error) from error
+        try:
+            os.fsync(folder)
+        except OSError as error:
+            # Some file systems know no such thing.
+            if error.errno != codes.EINVAL:
+                self._file.close()
+                raise self._error(error) from error
+        finally:
+            os.close(folder)
 
     def _must_be_open(self) -> None:
         if self._file.closed:

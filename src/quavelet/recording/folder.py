@@ -1,0 +1,149 @@
+"""The recordings in a directory: which are ours, how much they take, and the oldest deleted for room."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import re
+from collections import deque
+from contextlib import suppress
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from stat import S_ISREG
+
+from quavelet.core.errors import RecordingError
+from quavelet.recording.format import MAGIC, SUFFIX
+
+_STAMP = "%Y%m%dT%H%M%SZ"
+
+
+@dataclass(frozen=True, slots=True)
+class _Kept:
+    number: int
+    path: Path
+    size: int
+
+
+class RecordingFolder:
+    """The files NAME-NUMBER-TIME.qrec of `directory`, of which all together never take more than `total_bytes`.
+
+    NUMBER goes up by one from file to file, whatever the clock that TIME (UTC) is read from does, so the names
+    sort by age. A file is ours where its name is so, it is a plain file and it begins as a recording does (or is
+    too short to tell: the power went before its first line was written). No other is counted or deleted, nor
+    one that somebody is writing: those are locked (see `RecordingWriter`).
+
+    used_bytes   of ours, by the lengths of the files; the one being written with all that was reserved for it
+    deleted      files deleted for room
+    """
+
+    def __init__(self, directory: Path, *, name: str, total_bytes: int, keep_free_bytes: int = 0) -> None:
+        self.directory = directory
+        self.used_bytes = 0
+        self.deleted = 0
+        self._name = name
+        self._pattern = re.compile(re.escape(name) + r"-(\d{6,18})-\d{8}T\d{6}Z" + re.escape(SUFFIX), re.ASCII)
+        self._total_bytes = total_bytes
+        self._keep_free_bytes = keep_free_bytes
+        self._last = 0
+        self._kept: deque[_Kept] = deque()
+        self._known: dict[Path, bool] = {}
+
+    def next_path(self, utc: datetime) -> Path:
+        """Look at the directory afresh and name the next file. No file of ours may be open. Raises RecordingError."""
+        self._scan()
+        self._last += 1
+        return self.directory / f"{self._name}-{self._last:06d}-{utc.strftime(_STAMP)}{SUFFIX}"
+
+    def reserve(self, n: int) -> None:
+        """Make room for `n` more bytes, deleting the oldest for it. Raises RecordingError where there is none."""
+        while self.used_bytes + n > self._total_bytes:
+            if not self.make_room():
+                raise RecordingError(
+                    f"no room for {n} more bytes in {self.directory}: total_mb is used up by files that cannot be "
+                    "deleted; delete some, or give it more"
+                )
+        while self._free_bytes() < n + self._keep_free_bytes:
+            if not self.make_room():
+                raise RecordingError(
+                    f"the disk of {self.directory} has less than keep_free_mb left and there is no older recording "
+                    "to delete: make room"
+                )
+        self.used_bytes += n
+
+    def make_room(self) -> bool:
+        """Delete the oldest; whether there was one."""
+        while self._kept:
+            if self._delete(self._kept.popleft()):
+                return True
+        return False
+
+    def _scan(self) -> None:
+        found: list[_Kept] = []
+        known: dict[Path, bool] = {}
+        try:
+            with os.scandir(self.directory) as entries:
+                for entry in entries:
+                    match = self._pattern.fullmatch(entry.name)
+                    if match is None:
+                        continue
+                    number, path = int(match[1]), self.directory / entry.name
+                    self._last = max(self._last, number)
+                    # It may be deleted by somebody between the listing and the look.
+                    with suppress(FileNotFoundError):
+                        status = entry.stat(follow_symlinks=False)
+                        known[path] = S_ISREG(status.st_mode) and (self._known.get(path) or _is_recording(path))
+                        if known[path]:
+                            found.append(_Kept(number, path, status.st_size))
+        except FileNotFoundError as error:
+            raise RecordingError(f"there is no directory {self.directory}: make it, or mount its disk") from error
+        except OSError as error:
+            raise RecordingError(
+                f"{self.directory} cannot be looked at ({error.strerror}): give a directory this user may write to"
+            ) from error
+        self._known = known
+        self._kept = deque(sorted(found, key=lambda file: file.number))
+        self.used_bytes = sum(file.size for file in found)
+
+    def _delete(self, file: _Kept) -> bool:
+        """Whether it is gone. What cannot be deleted still counts as used, and is tried again after the next scan."""
+        try:
+            # Not waiting: by that name there could be a pipe by this time.
+            number = os.open(file.path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+        except FileNotFoundError:
+            self.used_bytes -= file.size
+            return True
+        except OSError:
+            return False
+        try:
+            if not MAGIC.startswith(os.read(number, len(MAGIC))):
+                return False
+            fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            file.path.unlink()
+        except OSError:
+            return False
+        finally:
+            os.close(number)
+        self.used_bytes -= file.size
+        self.deleted += 1
+        return True
+
+    def _free_bytes(self) -> int:
+        if not self._keep_free_bytes:
+            # A disk without a bound says itself when it is full.
+            return self._total_bytes
+        try:
+            disk = os.statvfs(self.directory)
+        except OSError as error:
+            raise RecordingError(
+                f"{self.directory} cannot be looked at ({error.strerror}): make it, or mount its disk"
+            ) from error
+        return disk.f_bavail * disk.f_frsize
+
+
+def _is_recording(path: Path) -> bool:
+    try:
+        with path.open("rb") as file:
+            return MAGIC.startswith(file.read(len(MAGIC)))
+    except OSError:
+        return False

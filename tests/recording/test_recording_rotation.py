@@ -1,0 +1,307 @@
+"""Recordings that follow each other keep their bounds, each is complete, and nothing of others is touched."""
+
+import fcntl
+import shutil
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from recorded import INFO, SETTINGS, drains
+
+from quavelet.core.clock import VirtualClock
+from quavelet.core.units import NS_PER_S
+from quavelet.mpu6050.drain import Drain
+from quavelet.mpu6050.stream import StreamInfo
+from quavelet.recording.format import MAGIC
+from quavelet.recording.reader import RecordingReader
+from quavelet.recording.rotation import Bounds, RotatingRecorder
+from quavelet.recording.writer import FLUSH_NS
+
+HOUR_NS = 3600 * NS_PER_S
+NOON = datetime(2026, 11, 22, 12, tzinfo=UTC)
+SMALL = Bounds(file_bytes=12_000, file_ns=HOUR_NS, total_bytes=40_000)
+OTHERS = {
+    "notes.txt": b"mine",
+    "imu-000007-20250101T000000Z.qrec": b"not a recording, though it is called so",
+    "other-000001-20261122T120000Z.qrec": MAGIC + bytes(5000),
+    "imu-000007-20250101T000000Z.qrec.bak": MAGIC,
+    "imu-1-20261122T120000Z.qrec": MAGIC,
+    "holiday.qrec": MAGIC + bytes(50),
+}
+
+
+class Rig:
+    """A recorder, what it told, and a clock of UTC that may be stepped."""
+
+    def __init__(self, folder: Path, bounds: Bounds) -> None:
+        self.folder, self.told, self.utc = folder, list[str](), NOON
+        self.recorder = RotatingRecorder(
+            folder,
+            name="imu",
+            bounds=bounds,
+            settings=SETTINGS,
+            clock=VirtualClock(),
+            tell=self.told.append,
+            utc_now=lambda: self.utc,
+        )
+
+    @property
+    def files(self) -> list[Path]:
+        return [path for path in sorted(self.folder.glob("imu-??????-*Z.qrec")) if path.name not in OTHERS]
+
+    @property
+    def total(self) -> int:
+        return sum(path.stat().st_size for path in self.files)
+
+    def write(self, *items: StreamInfo | Drain) -> None:
+        for item in items:
+            self.recorder.write(item)
+
+
+    def close(self) -> None:
+        self.recorder.close()
+
+
+MakeRig = Callable[..., Rig]
+
+
+@pytest.fixture
+def make_rig(tmp_path: Path) -> Iterator[MakeRig]:
+    rigs: list[Rig] = []
+
+    def make(bounds: Bounds = SMALL, *, folder: Path = tmp_path) -> Rig:
+        rigs.append(Rig(folder, bounds))
+        return rigs[-1]
+
+    yield make
+    for rig in rigs:
+        rig.close()
+
+
+@pytest.fixture
+def rig(make_rig: MakeRig) -> Rig:
+    return make_rig()
+
+
+def slow_drains(n: int, *, first: int = 0, every_ns: int = FLUSH_NS) -> list[Drain]:
+    """So far apart that each is in the file at once."""
+    return [
+        replace(drain, before_ns=drain.seq * every_ns, after_ns=drain.seq * every_ns + 1)
+        for drain in drains(n, first=first, frames=20)
+    ]
+
+
+def drains_in(paths: list[Path]) -> list[Drain]:
+    items = []
+    for path in paths:
+        reader = RecordingReader(path)
+        info, *rest = reader
+        reader.check()
+        assert info == INFO
+        assert rest
+        items += [item for item in rest if isinstance(item, Drain)]
+    return items
+
+
+def test_each_file_is_complete_by_itself_and_none_of_the_drains_between_two_is_lost(make_rig: MakeRig) -> None:
+    rig = make_rig(replace(SMALL, total_bytes=10_000_000))
+    rig.recorder.calibration = lambda: "calibration of this board"
+    written = slow_drains(200)
+    rig.write(INFO, *written)
+    rig.close()
+    assert len(rig.files) > 3
+    assert drains_in(rig.files) == written
+    for path in rig.files:
+        assert path.stat().st_size <= SMALL.file_bytes
+        assert RecordingReader(path).header.calibration == "calibration of this board"
+    assert rig.told == []
+
+
+def test_names_sort_by_age_though_the_clock_was_stepped_back(rig: Rig) -> None:
+    every = slow_drains(150)
+    rig.write(INFO)
+    for drain in every:
+        rig.write(drain)
+        rig.utc += timedelta(days=-1 if drain.seq % 2 else 3)
+    rig.close()
+    kept = drains_in(rig.files)
+    assert kept == every[-len(kept) :]
+    assert rig.recorder.stats().deleted > 0
+
+
+def test_a_new_start_goes_on_with_the_numbers_and_deletes_what_the_one_before_left(make_rig: MakeRig) -> None:
+    first = make_rig()
+    first.write(INFO, *slow_drains(60))
+    first.close()
+    before = first.files
+    second = make_rig()
+    second.utc -= timedelta(days=365)
+    second.write(INFO, *slow_drains(30))
+    assert second.files[-1].name > before[-1].name
+    assert before[0] not in second.files
+    assert before[-1] in second.files
+
+
+def test_a_file_is_no_longer_than_its_time(make_rig: MakeRig) -> None:
+    rig = make_rig(Bounds(file_bytes=10**9, file_ns=60 * NS_PER_S, total_bytes=10**9))
+    rig.write(INFO, *slow_drains(180))
+    rig.close()
+    assert [len(drains_in([path])) for path in rig.files] == [60, 60, 60]
+
+
+@pytest.mark.parametrize("step_s", [-10_000, 10_000])
+def test_a_step_of_the_drains_clock_stops_nothing(make_rig: MakeRig, step_s: int) -> None:
+    rig = make_rig(Bounds(file_bytes=10**9, file_ns=60 * NS_PER_S, total_bytes=10**9))
+    step_ns = step_s * NS_PER_S
+    rest = [replace(d, before_ns=d.before_ns + step_ns, after_ns=d.after_ns + step_ns) for d in slow_drains(90, first=90)]
+    rig.write(INFO, *slow_drains(90), *rest)
+    rig.close()
+    assert [d.seq for d in drains_in(rig.files)] == list(range(180))
+    assert max(len(drains_in([path])) for path in rig.files) <= 60 + 30
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.lists(
+        st.tuples(st.integers(0, 3000), st.integers(0, 3 * FLUSH_NS), st.booleans(), st.integers(0, 30)),
+        min_size=1,
+        max_size=150,
+    ),
+    st.integers(8_000, 20_000),
+    st.integers(2, 5),
+)
+def test_all_files_together_never_exceed_their_bound(
+    tmp_path_factory: pytest.TempPathFactory, items: list[tuple[int, int, bool, int]], file_bytes: int, files: int
+) -> None:
+    folder = tmp_path_factory.mktemp("bound")
+    for name, content in OTHERS.items():
+        (folder / name).write_bytes(content)
+    bounds = Bounds(file_bytes=file_bytes, file_ns=30 * NS_PER_S, total_bytes=files * file_bytes)
+    rig = Rig(folder, bounds)
+    rig.write(INFO)
+    t_ns = seq = 0
+    for size, dt_ns, stalled, restart in items:
+        if not restart:
+            rig.write(INFO)
+            seq = 0
+        t_ns += dt_ns
+        seq += 1 + stalled
+        before = set(rig.files)
+        rig.write(Drain(seq, t_ns, t_ns, 0, 0, bytes(size)))
+        assert rig.total <= bounds.total_bytes
+        gone = before - set(rig.files)
+        assert all(path < min(rig.files) for path in gone), "the oldest go first"
+    rig.close()
+    assert rig.total <= bounds.total_bytes
+    assert rig.told == []
+    stats = rig.recorder.stats()
+    assert stats.drains == len(items)
+    assert stats.used_bytes >= rig.total
+    assert {name: (folder / name).read_bytes() for name in OTHERS} == OTHERS
+    for path in rig.files:
+        RecordingReader(path).check()
+    shutil.rmtree(folder)
+
+
+def test_what_is_not_ours_is_neither_counted_nor_deleted(make_rig: MakeRig, tmp_path: Path) -> None:
+    for name, content in OTHERS.items():
+        (tmp_path / name).write_bytes(content)
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.write_bytes(MAGIC + bytes(100_000))
+    (tmp_path / "imu-000002-20261122T120000Z.qrec").symlink_to(elsewhere)
+    (tmp_path / "imu-000003-20261122T120000Z.qrec").mkdir()
+    before = sorted(path.name for path in tmp_path.iterdir())
+    rig = make_rig()
+    rig.write(INFO, *slow_drains(200))
+    rig.close()
+    assert rig.recorder.stats().deleted > 3
+    assert rig.told == []
+    assert set(before) <= {path.name for path in tmp_path.iterdir()}
+    assert len(elsewhere.read_bytes()) == len(MAGIC) + 100_000
+
+
+def test_a_file_that_another_program_is_writing_is_not_deleted(make_rig: MakeRig) -> None:
+    other = make_rig()
+    other.write(INFO, *slow_drains(20))
+    (theirs,) = [other.files[-1]]
+    rig = make_rig()
+    rig.write(INFO, *slow_drains(300))
+    assert theirs.exists()
+    assert rig.total <= SMALL.total_bytes
+    other.close()
+    rig.write(*slow_drains(60, first=300))
+    assert not theirs.exists()
+
+
+def test_a_file_whose_first_line_never_reached_the_disk_is_ours_and_goes_as_the_oldest(make_rig: MakeRig, tmp_path: Path) -> None:
+    empty = tmp_path / "imu-000001-20261122T110000Z.qrec"
+    empty.touch()
+    rig = make_rig()
+    rig.write(INFO, *slow_drains(100))
+    assert not empty.exists()
+
+
+def test_a_directory_that_is_not_there_is_told_once_and_tried_each_minute(make_rig: MakeRig, tmp_path: Path) -> None:
+    rig = make_rig(folder=tmp_path / "stick")
+    rig.write(INFO, *slow_drains(150))
+    assert len(rig.told) == 1
+    assert "make it, or mount its disk" in rig.told[0]
+    stats = rig.recorder.stats()
+    assert (stats.drains, stats.unwritten) == (0, 150)
+    assert "mount" in stats.stopped
+    rig.folder.mkdir()
+    rig.write(*slow_drains(70, first=150))
+    assert len(rig.told) == 2
+    assert "recording again" in rig.told[1]
+    stats = rig.recorder.stats()
+    assert stats.stopped == ""
+    assert stats.unwritten == 180, "tries are a minute apart"
+    rig.close()
+    assert [d.seq for d in drains_in(rig.files)] == list(range(180, 220))
+
+
+@pytest.mark.parametrize("remove", [shutil.rmtree, lambda folder: next(folder.iterdir()).unlink()])
+def test_what_is_removed_while_it_is_written_is_noticed_within_a_second(
+    make_rig: MakeRig, tmp_path: Path, remove: Callable[[Path], None]
+) -> None:
+    rig = make_rig(folder=tmp_path / "here")
+    rig.folder.mkdir()
+    rig.write(INFO, *slow_drains(3))
+    remove(rig.folder)
+    rig.write(*slow_drains(2, first=3))
+    assert "was deleted while it was written" in rig.told[0]
+    rig.folder.mkdir(exist_ok=True)
+    rig.write(*slow_drains(70, first=5))
+    rig.close()
+    assert drains_in(rig.files)[-1].seq == 74
+    assert len(rig.told) == 2
+
+
+def test_a_stream_whose_beginning_the_queue_lost_is_asked_for(rig: Rig) -> None:
+    wider = replace(INFO, gyro_config=0x18)
+    rig.recorder.current_stream = lambda: wider
+    rig.write(INFO, *slow_drains(3), *slow_drains(3))
+    rig.close()
+    assert [item for item in RecordingReader(rig.files[0]) if isinstance(item, StreamInfo)] == [INFO, wider]
+
+
+def test_drains_of_a_stream_that_nobody_knows_are_not_recorded_as_of_another(rig: Rig) -> None:
+    rig.write(INFO, *slow_drains(3), *slow_drains(3))
+    assert rig.recorder.stats().unwritten == 3
+    rig.close()
+    assert len(drains_in(rig.files)) == 3
+
+
+def test_drains_that_the_disk_was_too_slow_for_are_counted(rig: Rig) -> None:
+    rig.write(INFO, *slow_drains(3), *slow_drains(3, first=10))
+    assert rig.recorder.stats().missed == 7
+
+
+def test_the_file_being_written_is_locked(rig: Rig) -> None:
+    rig.write(INFO, *slow_drains(3))
+    with rig.files[0].open("rb") as file, pytest.raises(BlockingIOError):
+        fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
