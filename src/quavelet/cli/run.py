@@ -24,6 +24,7 @@ from quavelet.loop.deadline import LoopStats
 from quavelet.loop.hub import Hub
 from quavelet.mpu6050.drain import Drain
 from quavelet.mpu6050.stream import StreamInfo
+from quavelet.service import recordings
 from quavelet.service.service import QUEUE_DEPTH, STDOUT, Service
 from quavelet.settings import Settings
 from quavelet.sinks.json_lines import JsonLines
@@ -126,6 +127,8 @@ def _tell_ending(service: Service) -> int:
     tell_counts(imu.health, imu.bus.name, imu.measured_rate_hz)
     _tell_loop(imu.loop.stats)
     _tell_lost(service.messages)
+    if service.recorder is not None:
+        talk(recordings.in_words(service.recorder.stats()))
     return outcome(service.messages)
 
 
@@ -164,7 +167,7 @@ def _tell_lost(messages: Hub[Message]) -> None:
 
 
 def _recording_outcome(records: Hub[StreamInfo | Drain], path: Path) -> int:
-    (stats,) = records.stats()
+    stats = next(stats for stats in records.stats() if stats.name == "recording")
     broken = records.failures().get(stats.name)
     if broken is not None:
         talk(f"the recording is not complete: {broken}")

@@ -15,10 +15,12 @@ from quavelet.mpu6050.stream import StreamInfo
 from quavelet.recording.folder import RecordingFolder
 from quavelet.recording.format import drain_bytes
 from quavelet.recording.writer import END_BYTES, RecordingWriter
-from quavelet.settings import Settings
+from quavelet.settings import RecordingSettings, Settings
 
+MB = 1_000_000
 TRY_AGAIN_NS = 60 * NS_PER_S
-"""Between two tries to begin a file."""
+"""From a failure to the next try, and for how long a try must go well to be told: a disk that is full to the brim
+takes a little every time, since the try before is the oldest file then."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +37,16 @@ class Bounds:
     file_ns: int
     total_bytes: int
     keep_free_bytes: int = 0
+
+    @classmethod
+    def of(cls, settings: RecordingSettings) -> Bounds:
+        """As the settings have them."""
+        return cls(
+            file_bytes=round(settings.file_mb * MB),
+            file_ns=round(settings.file_minutes * 60 * NS_PER_S),
+            total_bytes=round(settings.total_mb * MB),
+            keep_free_bytes=round(settings.keep_free_mb * MB),
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,10 +111,12 @@ class RotatingRecorder:
         self._expected = 0
         self._writer: RecordingWriter | None = None
         self._begun_ns: int | None = None
-        self._tried_ns: int | None = None
+        self._failed_ns: int | None = None
+        self._newest_ns = 0
         self._stopped = ""
         self._files = self._drains = self._missed = self._unwritten = 0
-        self._told_unwritten = 0
+        self._outage = False
+        self._good_since_ns: int | None = None
 
     def stats(self) -> RotationStats:
         """May be asked from any thread."""
@@ -127,6 +141,7 @@ class RotatingRecorder:
             self._take_stream(self.current_stream())
         self._missed += item.seq - self._expected
         self._expected = item.seq + 1
+        self._newest_ns = item.after_ns
         try:
             writer = self._writer_for(item)
         except RecordingError as error:
@@ -140,6 +155,8 @@ class RotatingRecorder:
             writer.write(item)
         except RecordingError as error:
             self._fail(error)
+        else:
+            self._tell_of_recovery(item.after_ns)
 
     def close(self) -> None:
         """End the file that is being written."""
@@ -164,9 +181,7 @@ class RotatingRecorder:
         t_ns = drain.after_ns
         if self._writer is not None and self._is_full(self._writer, drain):
             self._end_file()
-            self._tried_ns = None
         if self._writer is None and self._info is not None and self._may_try(t_ns):
-            self._tried_ns = t_ns
             self._writer = self._begin_file(self._info)
             self._begun_ns = None
         if self._begun_ns is None or t_ns < self._begun_ns:
@@ -182,7 +197,7 @@ class RotatingRecorder:
         return writer.size_bytes + drain_bytes(drain) + END_BYTES > self._bounds.file_bytes
 
     def _may_try(self, t_ns: int) -> bool:
-        return self._tried_ns is None or not 0 <= t_ns - self._tried_ns < TRY_AGAIN_NS
+        return self._failed_ns is None or not 0 <= t_ns - self._failed_ns < TRY_AGAIN_NS
 
     def _begin_file(self, info: StreamInfo) -> RecordingWriter:
         path = self._folder.next_path(self._utc_now())
@@ -197,11 +212,17 @@ class RotatingRecorder:
             path.unlink(missing_ok=True)
             raise
         self._files += 1
-        if self._stopped:
-            lost = self._unwritten - self._told_unwritten
-            self._tell(f"recording again, to {path}; {lost} drains before it are not recorded")
-        self._stopped, self._told_unwritten = "", self._unwritten
+        self._stopped, self._failed_ns = "", None
         return writer
+
+    def _tell_of_recovery(self, t_ns: int) -> None:
+        if not self._outage:
+            return
+        if self._good_since_ns is None or t_ns < self._good_since_ns:
+            self._good_since_ns = t_ns
+        if t_ns - self._good_since_ns >= TRY_AGAIN_NS:
+            self._outage = False
+            self._tell(f"recording again; {self._unwritten} drains in all could not be recorded up to now")
 
     def _end_file(self) -> None:
         if self._writer is not None:
@@ -213,6 +234,7 @@ class RotatingRecorder:
         if writer is not None:
             self._unwritten += writer.drains_waiting
             self._drains -= writer.drains_waiting
-        if not self._stopped:
+        if not self._outage:
             self._tell(f"recording stopped, tried again each minute: {error}")
-        self._stopped = str(error)
+        self._stopped, self._outage = str(error), True
+        self._failed_ns, self._good_since_ns = self._newest_ns, None

@@ -14,8 +14,11 @@ from quavelet.loop.hub import Hub, Policy
 from quavelet.loop.realtime import apply_realtime
 from quavelet.mpu6050.drain import Drain
 from quavelet.mpu6050.stream import StreamInfo
+from quavelet.recording.rotation import RotatingRecorder
 from quavelet.recording.writer import RecordingWriter
+from quavelet.service import recordings
 from quavelet.settings import Settings
+from quavelet.settings.service import AUTO
 from quavelet.sinks.message import Message
 
 QUEUE_DEPTH = 256
@@ -52,6 +55,7 @@ class Service:
         self.policy = Policy.LOSE_OLDEST if realtime else Policy.WAIT
         self._console = console
         self._realtime = realtime
+        self.recorder: RotatingRecorder | None = None
         self._writer: RecordingWriter | None = None
         self._stopped = False
 
@@ -102,9 +106,17 @@ class Service:
         if line is not None:
             stack.enter_context(line)
         if self.record is not None:
-            self._writer = RecordingWriter(self.record, settings=settings, clock=self.clock)
-            self._writer.calibration = lambda: self.imu.calibration_text if self.imu else ""
-            self.records.subscribe("recording", self._writer, depth=QUEUE_DEPTH, policy=self.policy)
+            self._writer = RecordingWriter(
+                self.record, settings=settings, clock=self.clock, fsync_s=settings.recording.fsync_s
+            )
+            self._writer.calibration = self._calibration_text
+            self.records.subscribe("recording", self._writer, depth=recordings.DEPTH, policy=self.policy)
+        name = "imu" if settings.service.name == AUTO else settings.service.name
+        self.recorder = recordings.recorder_for(settings, name=name, clock=self.clock, tell=self.talk)
+        if self.recorder is not None:
+            self.recorder.calibration = self._calibration_text
+            self.recorder.current_stream = lambda: self.imu.source.info if self.imu else None
+            self.records.subscribe("recordings", self.recorder, depth=recordings.DEPTH, policy=self.policy)
         stack.callback(self.records.close)
         self.imu = Imu(
             i2c,
@@ -119,6 +131,9 @@ class Service:
             self.imu.loop.stop()
         self.imu.read()
         return self.imu
+
+    def _calibration_text(self) -> str:
+        return self.imu.calibration_text if self.imu else ""
 
     def _be_punctual(self, stack: ExitStack) -> None:
         realtime = stack.enter_context(apply_realtime(self.settings.loop))

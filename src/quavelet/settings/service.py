@@ -50,12 +50,16 @@ class RecordingSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknow
     file_mb        a new one is begun after so many MB (10^6 bytes)
     file_minutes   and after so many minutes
     total_mb       the oldest are deleted so that all together never take more
+    keep_free_mb   and so that others have so many MB of the disk left; 0: as long as it takes any
+    fsync_s        the disk is waited for every so many seconds: what a power cut may cost. 0: when the system sees fit
     """
 
     directory: str = ""
     file_mb: float = 100.0
     file_minutes: float = 60.0
     total_mb: float = 1000.0
+    keep_free_mb: float = 100.0
+    fsync_s: float = 10.0
 
     def __post_init__(self) -> None:
         if "\0" in self.directory:
@@ -64,6 +68,8 @@ class RecordingSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknow
             ("file_mb", self.file_mb, 0.1),
             ("file_minutes", self.file_minutes, 0.1),
             ("total_mb", self.total_mb, 2 * self.file_mb),
+            ("keep_free_mb", self.keep_free_mb, 0.0),
+            ("fsync_s", self.fsync_s, 0.0),
         ):
             if not least <= value < inf:
                 raise SettingsError(f"{key} = {value:g} does not fit: give {least:g} or more")
