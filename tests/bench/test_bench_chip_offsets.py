@@ -7,6 +7,7 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 import pytest
+from imu_run import run_for
 from session_rig import Bench
 
 from hw_fakes import NOISE_ONLY, FakeBus, FakeMpu6050, Still
@@ -18,7 +19,7 @@ from quavelet.bench.session_verdict import verdict
 from quavelet.calibration.model import IDENTITY, NO_MATRIX
 from quavelet.calibration.record import AccelerometerTable, CalibrationRecord, GyroBiasTable, Made
 from quavelet.calibration.record_file import file_name, load_record, save_record
-from quavelet.core.blocks import Flag, concat
+from quavelet.core.blocks import Flag
 from quavelet.core.clock import VirtualClock
 from quavelet.core.errors import CalibrationError, ChipUnstable, DeviceMissing, ImuError
 from quavelet.core.instruction import FACES, Instruction
@@ -116,15 +117,6 @@ def written() -> tuple[Board, CalibrationRecord]:
     return board, board.write()[0]
 
 
-def run(imu: Imu, seconds: float):
-    blocks = []
-    for _ in imu.loop.deadlines(imu.clock.now_ns() + round(seconds * NS_PER_S)):
-        block = imu.read()
-        if block is not None and len(block):
-            blocks.append(block)
-    return concat(blocks)
-
-
 def assert_right(block):
     assert np.linalg.norm(block.accel_m_s2.mean(axis=0)) == pytest.approx(STANDARD_GRAVITY_M_S2, rel=1e-3)
     assert np.abs(block.gyro_rad_s.mean(axis=0)).max() * DEG_PER_RAD < 0.05
@@ -160,13 +152,13 @@ def test_run_writes_them_after_every_reset_and_corrects_once(name, tmp_path):
     assert board.words() == board.factory
     settings = msgspec.structs.replace(SETTINGS, calibration=CalibrationSettings(file=str(tmp_path / "c.toml")))
     imu = board.imu(settings)
-    before = run(imu, 3.0)
+    before = run_for(imu, 3.0)
     assert board.words() == record.offsets.accel + record.offsets.gyro
     assert board.heard[-1].endswith("with offsets in the chip")
     assert imu.identity(imu.source.info) == record.chip
     assert_right(before[200:])
     board.chip.power_cut()
-    after = run(imu, 3.0)
+    after = run_for(imu, 3.0)
     assert imu.health.chip_restarts == 1
     assert board.words() == record.offsets.accel + record.offsets.gyro
     assert_right(after)
@@ -180,7 +172,7 @@ def test_a_record_with_offsets_is_found_by_the_chip_that_holds_them_still(tmp_pa
     board, record = written
     save_record(record, tmp_path / "quavelet" / "calibration" / file_name(record.chip))
     imu = board.imu(SETTINGS)
-    assert_right(run(imu, 3.0)[200:])
+    assert_right(run_for(imu, 3.0)[200:])
     assert imu.calibration == record
 
 
@@ -201,7 +193,7 @@ def test_offsets_of_the_settings_beside_those_of_the_record_are_no_calibration(t
         SETTINGS, offsets=others, calibration=CalibrationSettings(file=str(tmp_path / "c.toml"))
     )
     with pytest.raises(CalibrationError, match="other words in the chip's offset registers"):
-        run(board.imu(settings), 1.0)
+        run_for(board.imu(settings), 1.0)
 
 
 def test_a_record_whose_words_no_chip_can_hold_is_refused_by_its_path(tmp_path, written):
@@ -211,7 +203,7 @@ def test_a_record_whose_words_no_chip_can_hold_is_refused_by_its_path(tmp_path, 
     save_record(bent, tmp_path / "c.toml")
     settings = msgspec.structs.replace(SETTINGS, calibration=CalibrationSettings(file=str(tmp_path / "c.toml")))
     with pytest.raises(CalibrationError, match=r"c\.toml.*bit 0"):
-        run(board.imu(settings), 1.0)
+        run_for(board.imu(settings), 1.0)
 
 
 class RestlessUntil:
@@ -295,7 +287,7 @@ def test_a_plug_pulled_while_they_are_written_is_an_error_and_the_next_start_is_
     board.chip.plug()
     settings = msgspec.structs.replace(SETTINGS, calibration=CalibrationSettings(file=str(tmp_path / "c.toml")))
     assert load_record(tmp_path / "c.toml").offsets is None
-    assert_right(run(board.imu(settings), 3.0)[200:])
+    assert_right(run_for(board.imu(settings), 3.0)[200:])
     assert board.words() == board.factory
 
 
@@ -312,7 +304,7 @@ def test_a_drawn_board_with_its_offsets_in_the_chip_is_as_right_as_one_without(s
     imu = Imu(bench.bus, settings=settings, clock=bench.clock)
     for face in FACES:
         bench.bus.follow(Instruction(action="face", face=face))
-        block = run(imu, 5.0)[-200:]
+        block = run_for(imu, 5.0)[-200:]
         at_s = np.array([bench.bus.chip.world_time_s(bench.clock.now_ns())])
         true, found = bench.bus.motion.specific_force_m_s2(at_s)[0], block.accel_m_s2.mean(axis=0)
         cosine = true @ found / np.linalg.norm(true) / np.linalg.norm(found)

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import resource
 import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import msgspec
 import pytest
+from full_disk import files_up_to
 from session_rig import Bench
 from typer.testing import CliRunner
 
@@ -20,17 +19,6 @@ from quavelet.cli.app import app
 from quavelet.core.errors import CalibrationError
 
 FULL_BYTES = 1000
-
-
-@contextmanager
-def full_disk(limit_bytes: int = FULL_BYTES) -> Iterator[None]:
-    """No file may grow beyond so many bytes. Not as a fixture: the test runner's own output is a file, too."""
-    old = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (limit_bytes, old[1]))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, old)
 
 
 @pytest.fixture
@@ -52,7 +40,7 @@ def test_a_disk_that_fills_up_in_the_middle_leaves_the_session_from_before_to_go
     out.parent.mkdir()
     first = Bench(["faces"], out=out)
     measured(first, 2)
-    with full_disk():
+    with files_up_to(FULL_BYTES):
         measured(first, 8)
     assert any(f"{out}.session cannot be written (File too large): make room" in told for told in first.notices)
     assert [path.name for path in out.parent.iterdir()] == ["c.toml.session"]
@@ -66,7 +54,7 @@ def test_a_disk_that_fills_up_in_the_middle_leaves_the_session_from_before_to_go
 def test_room_that_is_made_in_time_saves_all(tmp_path):
     out = tmp_path / "c.toml"
     bench = Bench(["faces"], out=out)
-    with full_disk():
+    with files_up_to(FULL_BYTES):
         measured(bench, 2)
     assert bench.store.last_words(then="go on") == f"what was measured is kept in {out}.session: go on"
     assert SessionStore(out).load(bench.chip) == bench.evidence
@@ -88,7 +76,7 @@ def test_a_session_that_its_folder_does_not_take_is_kept_in_another(tmp_path, ho
 
 def test_a_session_that_nothing_takes_is_not_said_to_be_kept(tmp_path, home):
     bench = Bench(["faces"], out=tmp_path / "c.toml")
-    with full_disk(100):
+    with files_up_to(100):
         measured(bench, 1)
         words = bench.store.last_words(then="go on")
     assert words.endswith("nor anywhere else: what was measured is lost; make room, and begin anew")

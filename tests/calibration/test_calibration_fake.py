@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from imu_run import run_for
 from msgspec import structs
 
 from hw_fakes import FakeBus, FakeMpu6050, Still, Sway
@@ -63,15 +64,6 @@ def imu_on(motion, *, board=WARMING, settings=SETTINGS, trim=None, notes=None, c
     return Imu(bus, settings=settings, clock=clock, on_note=None if notes is None else notes.append, **ways)
 
 
-def run(imu: Imu, seconds: float) -> AttitudeBlock:
-    blocks = []
-    for _ in imu.loop.deadlines(imu.clock.now_ns() + round(seconds * NS_PER_S)):
-        block = imu.read()
-        if block is not None and len(block):
-            blocks.append(block)
-    return concat(blocks)
-
-
 def made_for(imu: Imu, **tables) -> CalibrationRecord:
     info = imu.source.wait_until_streaming()
     return CalibrationRecord(
@@ -121,7 +113,7 @@ def test_a_temperature_run_takes_the_drift_of_the_bias_and_of_heading_away(folde
         if name == "calibrated":
             save_record(record, folder / file_name(record.chip))
         walker = imu_on(Walk())
-        out = run(walker, 600.0)
+        out = run_for(walker, 600.0)
         assert (walker.calibration is not None) == (name == "calibrated")
         drift[name] = np.abs(heading_error_deg(walker, out)).max()
         sigma[name] = float(np.degrees(out.sigma_rad[-1, 2]))
@@ -138,7 +130,7 @@ def test_a_temperature_run_takes_the_drift_of_the_bias_and_of_heading_away(folde
 @pytest.mark.parametrize("kind", ["pid", "gated"])
 def test_a_board_that_moves_from_the_start_has_its_bias_from_its_temperature(folder, kind):
     settings = structs.replace(SETTINGS, filter=FilterParams(kind=kind), loop=LoopSettings(rate_hz=50.0))
-    plain = run(imu_on(Sway(), settings=settings), 10.0)
+    plain = run_for(imu_on(Sway(), settings=settings), 10.0)
     assert ((plain.flags & Flag.BIAS_UNKNOWN) != 0).all()
     true = np.array([WARMING.gyro_bias_rad_s, WARMING.gyro_bias_rad_s_degc])
     curve = GyroBiasTable(
@@ -147,7 +139,7 @@ def test_a_board_that_moves_from_the_start_has_its_bias_from_its_temperature(fol
     )  # fmt: skip
     record = made_for(imu_on(Sway()), gyro_bias=curve)
     save_record(record, folder / file_name(record.chip))
-    out = run(imu_on(Sway(), settings=settings), 10.0)
+    out = run_for(imu_on(Sway(), settings=settings), 10.0)
     assert not (out.flags[20:] & Flag.BIAS_UNKNOWN).any()
     assert out.sigma_rad[-1, 2] < 0.1 * plain.sigma_rad[-1, 2]
     assert np.abs(np.degrees(out.gyro_bias_rad_s[-1])).max() < 0.2
@@ -155,13 +147,13 @@ def test_a_board_that_moves_from_the_start_has_its_bias_from_its_temperature(fol
 
 def test_a_calibrated_accelerometer_is_believed_and_right(folder):
     flat = Still(roll_deg=0.0, pitch_deg=0.0)
-    plain = run(imu_on(flat), 8.0)
+    plain = run_for(imu_on(flat), 8.0)
     imu = imu_on(flat)
     record = made_for(imu, accelerometer=good_accelerometer())
     save_record(record, folder / file_name(record.chip))
     notes: list[str] = []
     calibrated_imu = imu_on(flat, notes=notes)
-    calibrated = run(calibrated_imu, 8.0)
+    calibrated = run_for(calibrated_imu, 8.0)
     assert notes == [f"calibration of 2026-01-02T03:04:05Z from {folder / file_name(record.chip)}"]
     before, after = (np.degrees(block.sigma_rad[-1, 0]) for block in (plain, calibrated))
     assert before > 2.0
@@ -175,7 +167,7 @@ def test_a_chip_of_the_same_kind_does_not_get_the_calibration_of_another(folder)
     record = made_for(imu_on(Still()), accelerometer=good_accelerometer())
     save_record(record, folder / file_name(record.chip))
     other = imu_on(Still(), trim=(-1201, 3015, 1777))
-    run(other, 1.0)
+    run_for(other, 1.0)
     assert other.calibration is None
 
 
@@ -192,13 +184,13 @@ def test_a_file_that_does_not_fit_is_told_of_and_not_used_unless_it_was_asked_fo
         path.write_text(text[:300] if damage == "cut" else text.replace("0.1961", "0.0961"))
     notes: list[str] = []
     imu = imu_on(Still(), settings=settings, notes=notes)
-    run(imu, 1.0)
+    run_for(imu, 1.0)
     assert imu.calibration is None
     (note,) = notes
     assert note.startswith(f"no calibration is used: {path}: ")
     named = structs.replace(settings, calibration=CalibrationSettings(file=str(path)))
     with pytest.raises(CalibrationError, match=path.name):
-        run(imu_on(Still(), settings=named), 1.0)
+        run_for(imu_on(Still(), settings=named), 1.0)
 
 
 def test_a_recording_is_replayed_with_the_calibration_it_was_made_with(folder, tmp_path):
@@ -209,7 +201,7 @@ def test_a_recording_is_replayed_with_the_calibration_it_was_made_with(folder, t
     with RecordingWriter(path, settings=SETTINGS, clock=clock) as writer:
         imu = imu_on(Still(), clock=clock, on_stream=writer.begin, on_drain=writer.write)
         writer.calibration = lambda: imu.calibration_text
-        live = run(imu, 4.0)
+        live = run_for(imu, 4.0)
     replay = ReplaySource(RecordingReader(path), health=Health())
     assert replay.calibration == record.calibration()
     pipeline = build_pipeline(replay.settings, calibration=replay.calibration)
@@ -224,7 +216,7 @@ def test_the_search_can_be_switched_off(folder):
     record = made_for(imu_on(Still()), accelerometer=good_accelerometer())
     save_record(record, folder / file_name(record.chip))
     off = imu_on(Still(), settings=structs.replace(SETTINGS, calibration=CalibrationSettings(automatic=False)))
-    run(off, 1.0)
+    run_for(off, 1.0)
     assert off.calibration is None
 
 
@@ -233,7 +225,7 @@ def test_a_chip_hotter_than_it_was_calibrated_says_so(folder):
     record = structs.replace(record, made=structs.replace(record.made, lowest_degc=20.0, highest_degc=22.0))
     save_record(record, folder / file_name(record.chip))
     hot = replace(WARMING, temp_degc=26.0, warm_temp_degc=30.0, warm_up_s=5.0)
-    out = run(imu_on(Still(), board=hot), 10.0)
+    out = run_for(imu_on(Still(), board=hot), 10.0)
     flagged = (out.flags & Flag.UNCALIBRATED_TEMPERATURE) != 0
     assert not flagged[:10].any()
     assert flagged[-100:].all()
@@ -249,7 +241,7 @@ def test_the_trim_is_only_read_and_only_where_there_is_a_calibration_to_be_found
             return real(address, data, n)
 
         imu.bus.write_read = spy  # type: ignore[method-assign]
-        run(imu, 1.0)
+        run_for(imu, 1.0)
         return seen
 
     trims = {struct.pack("B", register) for register in (0x06, 0x08, 0x0A, 0x0D, 0x13, 0x15, 0x17)}

@@ -1,15 +1,14 @@
 """A recording that cannot be written says so in time, and keeps what was written."""
 
 import os
-import resource
 import signal
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from full_disk import files_up_to
 from recorded import INFO, SETTINGS, drains, record
 
 from quavelet.core.errors import RecordingError
@@ -23,17 +22,6 @@ NOBODY = 65534
 
 
 SMALL_BYTES = 20_000
-
-
-@contextmanager
-def files_up_to(limit_bytes: int) -> Iterator[None]:
-    """No file may grow beyond so many bytes. Not as a fixture: the test runner's own output is a file, too."""
-    old = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (limit_bytes, old[1]))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, old)
 
 
 @pytest.fixture
