@@ -7,12 +7,23 @@ from collections.abc import Callable
 from quavelet.core.errors import SettingsError
 from quavelet.settings.outputs import Way
 from quavelet.sinks.encoding import Encoding
+from quavelet.sinks.encodings.influx import Influx
 from quavelet.sinks.encodings.json import Json
+from quavelet.sinks.encodings.mavlink import Mavlink
+from quavelet.sinks.encodings.nmea import Nmea
+from quavelet.sinks.encodings.opentrack import OpenTrack
+from quavelet.sinks.encodings.signalk import SignalK
+from quavelet.sinks.encodings.wall_time import offset_from
 from quavelet.sinks.plan import OutputPlan
 from quavelet.sinks.transport import Transport
 
 ENCODINGS: dict[str, Callable[[OutputPlan], Encoding]] = {
     "json": Json,
+    "nmea": lambda plan: Nmea(offset_ns=offset_from(plan.clock)),
+    "signalk": lambda plan: SignalK(name=plan.service, offset_ns=offset_from(plan.clock)),
+    "influx": lambda plan: Influx(name=plan.service, offset_ns=offset_from(plan.clock)),
+    "opentrack": lambda plan: OpenTrack(),  # noqa: ARG005
+    "mavlink": lambda plan: Mavlink(),  # noqa: ARG005
 }
 
 TRANSPORTS: dict[Way, Callable[[OutputPlan], Transport]] = {}

@@ -1,4 +1,4 @@
-"""JSON version 1, one message a line."""
+"""JSON version 1, one message a line. What is no number goes out as null."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from quavelet.sinks.plan import OutputPlan
 
 
 class Json:
-    """The message as it is; each line ends with a newline."""
+    """The message as it is, so with all its doubt: flags, sigma_deg, yaw, gap_ns. Each line ends with a newline."""
 
     def __init__(self, plan: OutputPlan | None = None) -> None:
         del plan

@@ -1,0 +1,82 @@
+"""What holds for every encoding there is."""
+
+from __future__ import annotations
+
+import json
+import re
+from typing import get_args
+
+import msgspec
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from sink_messages import broken_messages, message, messages
+
+from quavelet.core.clock import VirtualClock
+from quavelet.core.errors import SettingsError
+from quavelet.settings import OutputSettings
+from quavelet.settings.outputs import EncodingName
+from quavelet.sinks.encoding import Encoding
+from quavelet.sinks.encodings.json import Json
+from quavelet.sinks.message import Message
+from quavelet.sinks.outputs import ENCODINGS, make_encoding
+from quavelet.sinks.plan import OutputPlan
+
+TEXT = ["json", "nmea", "signalk", "influx"]
+
+
+def made(name: str) -> Encoding:
+    def status():
+        raise AssertionError("no encoding asks for the status")
+
+    settings = OutputSettings(to="udp:127.0.0.1:5555", encoding=name)
+    plan = OutputPlan(name="out", settings=settings, service="imu0", status=status, clock=VirtualClock(10**9))
+    try:
+        return make_encoding(plan)
+    except SettingsError as error:
+        pytest.skip(str(error))
+
+
+def test_every_encoding_of_the_settings_is_there():
+    assert set(ENCODINGS) == set(get_args(EncodingName))
+
+
+@pytest.mark.parametrize("name", ["nmea", "signalk", "opentrack", "mavlink"])
+@given(told=broken_messages())
+def test_a_message_with_an_angle_or_a_rate_that_is_no_number_is_withheld(name, told):
+    data = made(name).encode(told)
+    whole = all(
+        value == value and abs(value) != float("inf")
+        for value in (told.roll_deg, told.pitch_deg, told.yaw_deg, *told.q, *told.gyro_rad_s)
+    )
+    assert whole or data == b""
+
+
+@pytest.mark.parametrize("name", TEXT)
+@given(told=st.one_of(messages, broken_messages()))
+def test_no_text_has_a_number_that_is_none_or_a_line_that_does_not_end(name, told):
+    data = made(name).encode(msgspec.structs.replace(told, src="linux:1")).decode("utf-8")
+    assert data == "" or data.endswith("\n")
+    assert re.search(r"\b(nan|inf|infinity)\b", data, re.IGNORECASE) is None
+
+
+@given(messages)
+def test_json_is_read_back_as_the_same_message(told):
+    data = Json().encode(told)
+    assert data.count(b"\n") == 1 and data.endswith(b"\n")
+    read = json.loads(data)
+    assert Message(**{k: tuple(v) if isinstance(v, list) and k != "flags" else v for k, v in read.items()}) == told
+
+
+@given(broken_messages())
+def test_what_is_no_number_is_null_in_json(told):
+    def fail(word: str) -> float:
+        raise AssertionError(f"{word} went out")
+
+    assert "null" in json.dumps(json.loads(Json().encode(told), parse_constant=fail))
+
+
+@pytest.mark.parametrize("name", sorted(ENCODINGS))
+def test_a_stuck_chip_does_not_look_like_a_healthy_one(name):
+    encoding = made(name)
+    assert encoding.encode(message(flags=["stuck"])) != encoding.encode(message())
