@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import faulthandler
+import os
 import signal
 import sys
 from collections.abc import Callable, Iterator
@@ -25,8 +27,10 @@ from quavelet.loop.hub import Hub
 from quavelet.mpu6050.drain import Drain
 from quavelet.mpu6050.stream import StreamInfo
 from quavelet.service import recordings
+from quavelet.service.notify import Notify
 from quavelet.service.service import QUEUE_DEPTH, STDOUT, Service
 from quavelet.settings import Settings
+from quavelet.settings.service import NAME
 from quavelet.sinks.json_lines import JsonLines
 from quavelet.sinks.message import Message
 
@@ -42,14 +46,36 @@ def run(
     virtual_time: options.VirtualTime = False,
 ) -> None:
     """Give the attitude until stopped: a live panel on a terminal, JSON lines when piped or with --json."""
-    settings = options.settings_of(bus, address, config, accept_id).settings
-    raise typer.Exit(run_live(settings, json=json, duration_s=duration, record=record, virtual_time=virtual_time))
+
+    def load() -> Settings:
+        return options.settings_of(bus, address, config, accept_id).settings
+
+    raise typer.Exit(
+        run_live(
+            load(),
+            json=json,
+            duration_s=duration,
+            record=record,
+            virtual_time=virtual_time,
+            load=load if config else None,
+        )
+    )
 
 
 def run_live(
-    settings: Settings, *, json: bool, duration_s: float | None, record: Path | None, virtual_time: bool
+    settings: Settings,
+    *,
+    json: bool,
+    duration_s: float | None,
+    record: Path | None,
+    virtual_time: bool,
+    load: Callable[[], Settings] | None = None,
+    name: str = "imu",
 ) -> int:
-    """Run the service and tell what came of it; returns the exit code. Raises ImuError."""
+    """Run the service and tell what came of it; returns the exit code. Raises ImuError.
+
+    load reads the settings again on SIGHUP; on a terminal that signal ends the program, as its window was closed.
+    """
     for warning in settings.chip.warnings():
         talk(f"note: {warning}")
     virtual_time = options.on_virtual_time(settings, virtual_time)
@@ -60,8 +86,16 @@ def run_live(
         talk=talk,
         console=lambda service, stack: _subscribe_output(service, stack, json=json),
         record=record,
+        name=name,
         realtime=not virtual_time,
+        notify=Notify.from_environment(os.environ, talk=talk),
+        load=load,
     )
+    if service.watchdog.wanted:
+        # What hung when the watchdog ended it (SIGABRT) stands in the journal.
+        faulthandler.enable()
+    if load is not None and not sys.stdout.isatty():
+        signal.signal(signal.SIGHUP, lambda *_: service.reload())
     failure: ImuError | None = None
     with stopped_by_signals(service.stop):
         try:
@@ -106,12 +140,13 @@ def stopped_by_signals(stop: Callable[[], None]) -> Iterator[None]:
 
 
 def _subscribe_output(service: Service, stack: ExitStack, *, json: bool) -> None:
-    imu = service.imu
-    if json or not sys.stdout.isatty() or imu is None:
+    if json or not sys.stdout.isatty():
         service.messages.subscribe(STDOUT, JsonLines(sys.stdout.buffer), depth=QUEUE_DEPTH, policy=service.policy)
         return
 
     def status() -> Status:
+        imu = service.imu
+        assert imu is not None, "the chip has answered"
         return Status(imu.measured_rate_hz, imu.health, imu.loop.stats)
 
     panel = stack.enter_context(LivePanel(Console(), status=status))

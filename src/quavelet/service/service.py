@@ -7,8 +7,10 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from quavelet.bus.open import open_bus, open_line
+from quavelet.bus.protocol import I2CBus
 from quavelet.core.clock import Clock
-from quavelet.core.errors import ImuError
+from quavelet.core.errors import BusError, ImuError
+from quavelet.core.units import NS_PER_MS, NS_PER_S
 from quavelet.imu import Imu
 from quavelet.loop.hub import Hub, Policy
 from quavelet.loop.realtime import apply_realtime
@@ -17,13 +19,20 @@ from quavelet.mpu6050.stream import StreamInfo
 from quavelet.recording.rotation import RotatingRecorder
 from quavelet.recording.writer import RecordingWriter
 from quavelet.service import recordings
+from quavelet.service.notify import Notify
+from quavelet.service.reload import Reading, changes, with_hot
+from quavelet.service.watchdog import Watchdog
 from quavelet.settings import Settings
 from quavelet.settings.service import AUTO
-from quavelet.sinks.message import Message
+from quavelet.sinks.message import Message, message_of
 
 QUEUE_DEPTH = 256
 STDOUT = "stdout"
 """The subscriber whose end is the end of the service: nobody reads any more."""
+TRY_AGAIN_NS, LOOK_NS = 2 * NS_PER_S, 100 * NS_PER_MS
+"""How often a chip that is not there is tried for, and how soon a stop is heeded meanwhile."""
+TELL_AGAIN_NS = 600 * NS_PER_S
+"""How often it is told that it is not there, for the same reason."""
 
 
 class Service:
@@ -31,8 +40,9 @@ class Service:
 
     talk says one sentence to the person; console is called once the chip has answered, to subscribe what is the
     caller's own (standard output), and gets a stack that is closed at the end, after the hubs.
-    realtime asks for the real-time settings of the loop; without it (virtual time) nothing is ever lost to a slow
-    reader, the loop waits for it.
+    name is its own where the settings say "auto". realtime asks for the real-time settings of the loop; without it (virtual time) nothing is ever lost to a slow
+    reader, the loop waits for it. notify is how systemd is told; load reads the settings again for a reload, off the
+    loop; opened opens the bus.
     """
 
     def __init__(
@@ -43,26 +53,44 @@ class Service:
         talk: Callable[[str], None],
         console: Callable[[Service, ExitStack], None] | None = None,
         record: Path | None = None,
+        name: str = "imu",
         realtime: bool = True,
+        notify: Notify | None = None,
+        load: Callable[[], Settings] | None = None,
+        opened: Callable[[str, Clock], I2CBus] | None = None,
     ) -> None:
         self.settings = settings
+        self.name = name if settings.service.name == AUTO else settings.service.name
         self.clock = clock
         self.talk = talk
         self.record = record
         self.imu: Imu | None = None
+        self.last: Message | None = None
         self.messages: Hub[Message] = Hub()
         self.records: Hub[StreamInfo | Drain] = Hub()
         self.policy = Policy.LOSE_OLDEST if realtime else Policy.WAIT
+        self.watchdog = Watchdog(notify or Notify(), clock=clock)
+        self._load = load
+        self._opened = opened or (lambda name, clock: open_bus(name, clock=clock))
         self._console = console
         self._realtime = realtime
         self.recorder: RotatingRecorder | None = None
         self._writer: RecordingWriter | None = None
         self._stopped = False
+        self._reload_asked = False
+        self._reading: Reading | None = None
+        self._missing = "", 0
+        self._begun = False
 
     @property
     def streamed(self) -> bool:
         """Whether the chip ever gave samples."""
         return self.imu is not None and self.imu.source.info is not None
+
+    @property
+    def state(self) -> str:
+        """ "waiting for the chip", "settling", "running", or "lost: ..."."""
+        return self.watchdog.state
 
     def stop(self) -> None:
         """End the run in good order; safe from a signal handler and from another thread."""
@@ -70,54 +98,158 @@ class Service:
         if self.imu is not None:
             self.imu.loop.stop()
 
+    def reload(self) -> None:
+        """Read the settings again, and put in force what can be; safe from a signal handler."""
+        self._reload_asked = True
+
     def run(self, *, until_ns: int | None = None) -> None:
         """Until `until_ns` of the clock, for ever where it is None, or `stop`, or the end of standard output.
 
-        Raises ImuError: what `open_bus`, `RecordingWriter` and `ChipSource` raise.
+        Raises ImuError: what `open_bus`, `RecordingWriter` and `ChipSource` raise; no BusError while the chip is
+        waited for.
         """
         try:
             with ExitStack() as stack:
                 self._open_outputs(stack)
-                imu = self._open_chip(stack)
-                if self._console is not None:
-                    self._console(self, stack)
                 stack.callback(self.messages.close)
-                if self._realtime:
-                    self._be_punctual(stack)
-                for message in imu.messages(until_ns=until_ns):
-                    self.messages.publish(message)
-                    if STDOUT in self.messages.failures():
-                        break
-        except ImuError:
+                self._open_recording(stack)
+                while not self._attempt(stack, until_ns):
+                    self._wait_for_chip(until_ns)
+                self.watchdog.stopping()
+        except ImuError as error:
+            self.watchdog.stopping(str(error))
+            raise
+        finally:
             if self._writer is not None and not self.streamed:
                 # Nothing is in it, and the next try would be refused for it.
                 self._writer.path.unlink(missing_ok=True)
-            raise
+
+    def _attempt(self, stack: ExitStack, until_ns: int | None) -> bool:
+        """Run with the chip, if it is there; False where it is not and is to be tried for again."""
+        try:
+            with ExitStack() as wires:
+                self._run_with(self._open_chip(wires), stack, until_ns)
+                return True
+        except BusError as error:
+            if self.streamed or not self.settings.service.wait_for_device:
+                raise
+            self._tell_missing(str(error))
+            return self._over(until_ns)
+
+    def _run_with(self, imu: Imu, stack: ExitStack, until_ns: int | None) -> None:
+        if not self._begun:
+            self._begun = True
+            if self._console is not None:
+                self._console(self, stack)
+            # Once more: what the console subscribed must be through before its own things end.
+            stack.callback(self.messages.close)
+            if self._realtime:
+                self._be_punctual(stack)
+        for _ in imu.loop.deadlines(until_ns):
+            block = imu.read()
+            if block is None:
+                return
+            message = message_of(block, src=imu.bus.name) if len(block) else None
+            if message is not None:
+                self.last = message
+                self.messages.publish(message)
+                if STDOUT in self.messages.failures():
+                    return
+                self._tell_found(imu)
+            self.watchdog.tick(message, self._words)
+            self._heed_reload()
+
+    def _words(self) -> str:
+        """The attitude and how the samples come, for a status line."""
+        if self.imu is None or self.last is None:
+            return ""
+        m, rate_hz, lost = self.last, self.imu.measured_rate_hz, self.imu.health.samples_lost
+        angles = f"roll {m.roll_deg:.1f}, pitch {m.pitch_deg:.1f}, yaw {m.yaw_deg:.1f} deg ({m.yaw}) on {m.src}"
+        return f"{angles}, {'rate not measured' if rate_hz is None else f'{rate_hz:.1f} samples/s'}, {lost} lost"
+
+    def _over(self, until_ns: int | None) -> bool:
+        return self._stopped or (until_ns is not None and self.clock.now_ns() >= until_ns)
+
+    def _wait_for_chip(self, until_ns: int | None) -> None:
+        """In short steps, so that a stop is heeded."""
+        again_ns = self.clock.now_ns() + TRY_AGAIN_NS
+        while self.clock.now_ns() < again_ns and not self._over(until_ns):
+            self.clock.sleep_until_ns(min(self.clock.now_ns() + LOOK_NS, again_ns))
+            self._heed_reload()
+
+    def _tell_missing(self, reason: str) -> None:
+        now_ns = self.clock.now_ns()
+        self.watchdog.waiting(reason)
+        told, told_ns = self._missing
+        if reason != told or now_ns - told_ns >= TELL_AGAIN_NS:
+            self._missing = reason, now_ns
+            self.talk(f"{reason}; it is tried again every {TRY_AGAIN_NS // NS_PER_S} s")
+
+    def _tell_found(self, imu: Imu) -> None:
+        if self._missing[0]:
+            self._missing = "", 0
+            self.talk(f"the chip on {imu.bus.name} gives samples")
+
+    def _heed_reload(self) -> None:
+        """One step of what was asked for; the reading itself is done on another thread."""
+        if self._reading is None:
+            if self._reload_asked and self._load is not None:
+                self._reload_asked = False
+                self.watchdog.reloading()
+                self._reading = Reading(self._load)
+                if not self._realtime:
+                    self._reading.join()
+            return
+        read = self._reading.result
+        if read is not None:
+            self._reading = None
+            self.watchdog.reloaded(self._take(read))
+
+    def _take(self, read: Settings | ImuError) -> str:
+        """Put in force what can be; what is to stay in the status is returned."""
+        try:
+            if isinstance(read, ImuError):
+                raise read
+            found, merged = changes(self.settings, read), with_hot(self.settings, read)
+            if found.hot:
+                self._change_outputs(merged)
+            self.settings = merged
+        except ImuError as error:
+            refused = f"the settings are refused, the old ones stay in force: {error}"
+            self.talk(refused)
+            return refused
+        self.talk(found.in_words())
+        return found.in_words() if found.restart else ""
 
     def _open_outputs(self, stack: ExitStack) -> None:
         """The outputs, the control socket and the status: begun before the chip is there, for they can say so, and
         ended through the stack after the last message."""
 
-    def _open_chip(self, stack: ExitStack) -> Imu:
-        """The chip, asked who it is before anything else is set or said."""
+    def _change_outputs(self, settings: Settings) -> None:
+        """The outputs of these settings in the place of the old ones; the loop goes on meanwhile."""
+
+    def _open_recording(self, stack: ExitStack) -> None:
         settings = self.settings
-        i2c = stack.enter_context(open_bus(settings.bus.name, clock=self.clock))
-        line = open_line(settings.bus.int_line, bus=i2c, address=settings.bus.address)
-        if line is not None:
-            stack.enter_context(line)
         if self.record is not None:
             self._writer = RecordingWriter(
                 self.record, settings=settings, clock=self.clock, fsync_s=settings.recording.fsync_s
             )
             self._writer.calibration = self._calibration_text
             self.records.subscribe("recording", self._writer, depth=recordings.DEPTH, policy=self.policy)
-        name = "imu" if settings.service.name == AUTO else settings.service.name
-        self.recorder = recordings.recorder_for(settings, name=name, clock=self.clock, tell=self.talk)
+        self.recorder = recordings.recorder_for(settings, name=self.name, clock=self.clock, tell=self.talk)
         if self.recorder is not None:
             self.recorder.calibration = self._calibration_text
             self.recorder.current_stream = lambda: self.imu.source.info if self.imu else None
             self.records.subscribe("recordings", self.recorder, depth=recordings.DEPTH, policy=self.policy)
         stack.callback(self.records.close)
+
+    def _open_chip(self, wires: ExitStack) -> Imu:
+        """The chip, asked who it is before anything else is set or said."""
+        settings = self.settings
+        i2c = wires.enter_context(self._opened(settings.bus.name, self.clock))
+        line = open_line(settings.bus.int_line, bus=i2c, address=settings.bus.address)
+        if line is not None:
+            wires.enter_context(line)
         self.imu = Imu(
             i2c,
             settings=settings,
