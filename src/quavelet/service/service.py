@@ -40,9 +40,9 @@ class Service:
 
     talk says one sentence to the person; console is called once the chip has answered, to subscribe what is the
     caller's own (standard output), and gets a stack that is closed at the end, after the hubs.
-    name is its own where the settings say "auto". realtime asks for the real-time settings of the loop; without it (virtual time) nothing is ever lost to a slow
-    reader, the loop waits for it. notify is how systemd is told; load reads the settings again for a reload, off the
-    loop; opened opens the bus.
+    name is its own where the settings say "auto". realtime asks for the real-time settings of the loop; without it
+    (virtual time) nothing is ever lost to a slow reader, the loop waits for it. notify is how systemd is told; load
+    reads the settings again for a reload, off the loop; opened opens the bus.
     """
 
     def __init__(
