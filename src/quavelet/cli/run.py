@@ -50,14 +50,11 @@ def run(
     def load() -> Settings:
         return options.settings_of(bus, address, config, accept_id).settings
 
+    again = load if config else None
+    name = config.stem if config and NAME.fullmatch(config.stem) else "imu"
     raise typer.Exit(
         run_live(
-            load(),
-            json=json,
-            duration_s=duration,
-            record=record,
-            virtual_time=virtual_time,
-            load=load if config else None,
+            load(), json=json, duration_s=duration, record=record, virtual_time=virtual_time, load=again, name=name
         )
     )
 
