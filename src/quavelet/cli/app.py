@@ -56,7 +56,8 @@ def common(
 
 
 def main() -> None:
-    """Run the command line; every error on purpose is one sentence on stderr and an exit code."""
+    """Run the command line; every error on purpose is a sentence on stderr, each mistake in a settings
+    file one, and an exit code."""
     _open_what_is_closed()
     try:
         sys.exit(app(standalone_mode=False))
@@ -66,7 +67,8 @@ def main() -> None:
         print(f"quavelet: {usage.rstrip('.')}, see `{path} --help`", file=sys.stderr)
         sys.exit(exits.USAGE)
     except ImuError as error:
-        print(f"quavelet: {error}", file=sys.stderr)
+        for line in str(error).splitlines():
+            print(f"quavelet: {line}", file=sys.stderr)
         sys.exit(exits.exit_code(error))
     except typer.Abort:
         sys.exit(exits.INTERRUPTED)

@@ -2,7 +2,8 @@
 
 from quavelet.attitude.params import FilterParams
 from quavelet.mpu6050.offset_settings import OffsetSettings
-from quavelet.settings.loading import LoadedSettings, Table, Tables, Value, as_tables, load_settings, parse_settings
+from quavelet.settings.checking import parse_settings
+from quavelet.settings.loading import LoadedSettings, Table, Tables, Value, as_tables, load_settings
 from quavelet.settings.outputs import Destination, EncodingName, MqttSettings, OutputSettings
 from quavelet.settings.service import RecordingSettings, ServiceSettings
 from quavelet.settings.tables import (

@@ -129,13 +129,16 @@ class OutputSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_f
         return self.to.partition(":")[0] in DEFAULT_PORT
 
 
-def check_output_names(outputs: dict[str, OutputSettings]) -> None:
-    """Raises SettingsError for a name that cannot be, and for more than can be."""
-    bad = [name for name in outputs if not NAME.fullmatch(name)]
-    if bad:
-        raise SettingsError(f"[output.{bad[0]!r}]: an output's name has 1 to 32 letters, digits, _ and -")
+def output_faults(outputs: dict[str, OutputSettings]) -> list[str]:
+    """What is wrong with the outputs' names, and with their number; a sentence each."""
+    faults = [
+        f"[output.{name!r}]: an output's name has 1 to 32 letters, digits, _ and -"
+        for name in outputs
+        if not NAME.fullmatch(name)
+    ]
     if len(outputs) > MOST_OUTPUTS:
-        raise SettingsError(f"{len(outputs)} outputs are too many: give at most {MOST_OUTPUTS}")
+        faults.append(f"{len(outputs)} outputs are too many: give at most {MOST_OUTPUTS}")
     stdout = [name for name, output in outputs.items() if output.to == "stdout"]
     if len(stdout) > 1:
-        raise SettingsError(f"outputs {' and '.join(stdout)} all go to stdout: leave one")
+        faults.append(f"outputs {' and '.join(map(repr, stdout))} all go to stdout: leave one")
+    return faults

@@ -13,7 +13,7 @@ from quavelet.mpu6050.config import ChipConfig
 from quavelet.mpu6050.magnetometer.asked import LONGEST_BYTES, MagnetometerParams
 from quavelet.mpu6050.offset_settings import OffsetSettings
 from quavelet.mpu6050.registers import FRAME_BYTES
-from quavelet.settings.outputs import OutputSettings, check_output_names
+from quavelet.settings.outputs import OutputSettings, output_faults
 from quavelet.settings.service import RecordingSettings, ServiceSettings
 
 
@@ -147,12 +147,17 @@ class Settings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
         return FRAME_BYTES + (LONGEST_BYTES if self.magnetometer.used else 0)
 
     def __post_init__(self) -> None:
+        faults = [*self._too_slow(), *output_faults(self.output)]
+        if faults:
+            raise SettingsError("\n".join(faults))
+
+    def _too_slow(self) -> list[str]:
         # A drain must come while the 1024-byte FIFO has room: 70 frames, with a magnetometer 42, and half of that for
         # late wake-ups.
         slowest = self.chip.sample_rate_hz / (21.0 if self.magnetometer.used else 35.0)
-        if self.loop.rate_hz < slowest:
-            raise SettingsError(
-                f"loop.rate_hz = {self.loop.rate_hz:g} is too slow for chip.sample_rate_hz = "
-                f"{self.chip.sample_rate_hz:g}: the chip's FIFO would overflow; give {slowest:g} or more"
-            )
-        check_output_names(self.output)
+        if self.loop.rate_hz >= slowest:
+            return []
+        return [
+            f"loop.rate_hz = {self.loop.rate_hz:g} is too slow for chip.sample_rate_hz = "
+            f"{self.chip.sample_rate_hz:g}: the chip's FIFO would overflow; give {slowest:g} or more"
+        ]
