@@ -61,8 +61,11 @@ def test_a_wrong_option_is_one_sentence(arguments: tuple[str, ...], code: int, w
         ("[chip]\ndlpf = true", "chip.dlpf: Expected `int`, got `bool`"),
         ("[filter]\nmethod = 'euler'", "filter.method"),
         ("[bus]\naddress = 300", "bus: address = 300"),
-        ("[chip]\nsample_rate = 200", "unknown key chip.sample_rate: [chip] has gyro_range_dps"),
-        ("[chips]\ndlpf = 3", "unknown table [chips]: the tables are bus, chip"),
+        (
+            "[chip]\nsample_rate = 200",
+            "unknown key chip.sample_rate: did you mean sample_rate_hz? [chip] has gyro_range_dps",
+        ),
+        ("[chips]\ndlpf = 3", "unknown table [chips]: did you mean [chip]? the tables are bus, chip"),
         ("dlpf = 3", "dlpf stands outside a table"),
         ("chip = 3", "chip is a table: write [chip]"),
         ("[chip\n", "is not TOML"),

@@ -30,7 +30,7 @@ BAD = [
     ('to = "stdout"\nrate_hz = 1e9', "output.x: rate_hz = 1e+09"),
     ('to = "stdout"\nrate_hz = nan', "output.x.rate_hz = nan is not a finite number"),
     ('to = "stdout"\nreaders = 0', "output.x: readers = 0"),
-    ('to = "stdout"\nrate = 1', "unknown key output.x.rate: [output.x] has"),
+    ('to = "stdout"\nrate = 1', "unknown key output.x.rate: did you mean rate_hz? [output.x] has"),
     ('to = "stdout"\nrate_hz = "fast"', "output.x.rate_hz: Expected `float`"),
     ('to = "tcp:h:1"\nencoding = "opentrack"', "encoding = 'opentrack' does not go with to = 'tcp'"),
     ('to = "mqtt:h"\nencoding = "mavlink"', "encoding = 'mavlink' does not go with to = 'mqtt'"),
@@ -68,7 +68,7 @@ def test_an_output_with_a_name_that_no_topic_or_file_can_have_is_refused(name: s
 def test_two_outputs_on_stdout_would_mix_their_lines(tmp_path: Path) -> None:
     path = tmp_path / "imu.toml"
     path.write_text('[output.a]\nto = "stdout"\n[output.b]\nto = "stdout"\n')
-    with pytest.raises(SettingsError, match="a and b all go to stdout"):
+    with pytest.raises(SettingsError, match="'a' and 'b' all go to stdout"):
         load_settings(path)
 
 

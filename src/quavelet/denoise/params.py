@@ -62,6 +62,11 @@ class DenoiseParams(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
     def __post_init__(self) -> None:
         if not 1 <= self.levels <= 10:
             raise SettingsError(f"levels = {self.levels} does not fit: give 1 to 10")
+        for name, most in (("k", 1000.0), ("alpha", 100.0), ("sigmas", 1000.0)):
+            if not 0.0 < getattr(self, name) <= most:
+                raise SettingsError(
+                    f"{name} = {getattr(self, name)} does not fit: give a positive number, {most:g} at most"
+                )
         # What is wrong is wrong whatever the kind: else it would show only when the kind is changed.
         for kind in get_args(Kind)[1:]:
             try:

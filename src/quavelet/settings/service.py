@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from math import inf
 
 import msgspec
 
@@ -64,15 +63,15 @@ class RecordingSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknow
     def __post_init__(self) -> None:
         if "\0" in self.directory:
             raise SettingsError("directory is no path: leave the NUL out")
-        for key, value, least in (
-            ("file_mb", self.file_mb, 0.1),
-            ("file_minutes", self.file_minutes, 0.1),
-            ("total_mb", self.total_mb, 2 * self.file_mb),
-            ("keep_free_mb", self.keep_free_mb, 0.0),
-            ("fsync_s", self.fsync_s, 0.0),
+        for key, value, least, most in (
+            ("file_mb", self.file_mb, 0.1, 1e6),
+            ("file_minutes", self.file_minutes, 0.1, 1e6),
+            ("total_mb", self.total_mb, 2 * self.file_mb, 1e8),
+            ("keep_free_mb", self.keep_free_mb, 0.0, 1e8),
+            ("fsync_s", self.fsync_s, 0.0, 3600.0),
         ):
-            if not least <= value < inf:
-                raise SettingsError(f"{key} = {value:g} does not fit: give {least:g} or more")
+            if not least <= value <= most:
+                raise SettingsError(f"{key} = {value:g} does not fit: give {least:g} to {most:g}")
 
 
 def check_socket_path(key: str, path: str) -> None:
