@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from datetime import datetime, timedelta
 from pathlib import Path
 from typing import BinaryIO
 
@@ -28,12 +29,14 @@ class Damage:
     first_byte   where in the file the first damage is, None where there is none
     drains_lost  drain numbers missing where a damaged stretch is; at the file's end nobody knows
     truncated    the file ends without the record that `close` writes: it was cut, or never closed
+    last_ns      time of the last drain that was read, None before the first
     """
 
     places: int = 0
     first_byte: int | None = None
     drains_lost: int = 0
     truncated: bool = False
+    last_ns: int | None = None
 
     @property
     def found(self) -> bool:
@@ -62,6 +65,7 @@ class RecordingReader:
     def __iter__(self) -> Iterator[StreamInfo | Drain]:
         self.damage = Damage()
         expected = lost = 0
+        last_ns: int | None = None
         previous = b""
         with self._opened() as file:
             file.seek(len(MAGIC))
@@ -73,13 +77,14 @@ class RecordingReader:
                     if record.after_damage:
                         lost += max(0, item.seq - expected)
                     expected = item.seq + 1
+                    last_ns = item.after_ns
                 elif record.kind == Kind.HEADER and record.payload != previous:
                     item = self._header_of(record.payload).stream
                     previous, expected = record.payload, 0
-                self._note(scanner, lost)
+                self._note(scanner, lost, last_ns)
                 if item is not None:
                     yield item
-            self._note(scanner, lost)
+            self._note(scanner, lost, last_ns)
 
     def check(self) -> None:
         """Raise RecordingError if what has been read up to now was damaged."""
@@ -92,12 +97,24 @@ class RecordingReader:
             where += f" ({_number(damage.places, 'place')}, {_number(damage.drains_lost, 'drain')} lost)"
             if damage.truncated:
                 where += " and cut off at its end"
+        if damage.truncated:
+            where += f", what came after {self._utc(damage.last_ns)} is missing"
         raise RecordingError(f"{where}: all that could be read was given")
 
-    def _note(self, scanner: Scanner, lost: int) -> None:
-        damage = self.damage
-        if (damage.places, damage.truncated, damage.drains_lost) != (scanner.places, scanner.truncated, lost):
-            self.damage = Damage(scanner.places, scanner.first_byte, lost, scanner.truncated)
+    def _utc(self, t_ns: int | None) -> str:
+        """A time of a drain in words, by the clock that stands in the header."""
+        if t_ns is None:
+            return "its header"
+        try:
+            begun = datetime.fromisoformat(self.header.started_utc)
+            at = begun + timedelta(microseconds=(t_ns - self.header.started_ns) // 1000)
+        except (ValueError, OverflowError):
+            return f"{t_ns} ns of its clock"
+        return at.isoformat(timespec="milliseconds")
+
+    def _note(self, scanner: Scanner, lost: int, last_ns: int | None) -> None:
+        if scanner.places or scanner.truncated:
+            self.damage = Damage(scanner.places, scanner.first_byte, lost, scanner.truncated, last_ns)
 
     def _first_header(self) -> Header:
         with self._opened() as file:
