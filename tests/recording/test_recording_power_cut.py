@@ -139,13 +139,16 @@ def test_a_writer_killed_again_and_again_leaves_its_bound_and_whole_files(tmp_pa
         files = sorted(tmp_path.iterdir())
         assert sum(path.stat().st_size for path in files) <= 400_000
         for path in files:
-            reader = RecordingReader(path)
+            try:
+                reader = RecordingReader(path)
+            except RecordingError:
+                assert path.stat().st_size < 5000, "killed before its header was written"
+                cut += 1
+                continue
             info, *got = reader
             assert info == INFO
             first = got[0].seq if got and isinstance(got[0], Drain) else 0
             assert got == drains(len(got), first=first)
-            cut += reader.damage.truncated
             assert not reader.damage.places
-            if reader.damage.truncated and path == files[-1]:
-                assert path.stat().st_size > 0
+            cut += reader.damage.truncated
     assert 1 <= cut <= 4 + 3 + 2 + 1
