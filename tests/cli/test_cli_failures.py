@@ -190,7 +190,7 @@ def test_a_corrupt_recording_gives_the_rest_flags_the_gap_and_then_fails(recordi
     whole, done = quavelet("replay", recording), quavelet("replay", corrupt)
     assert done.code == exits.FAILED
     assert "damaged at byte" in done.said[-1]
-    # One drain is gone; the samples of the next, or the next two, come with those after them, for the first ones after a
+    # One drain is gone; the samples of the next one or two come with those after them, for the first ones after a
     # gap wait.
     assert 1 <= len(whole.lines) - len(done.lines) <= 3
     assert any('"gap"' in line for line in done.lines)
