@@ -1,0 +1,231 @@
+"""The place where Prometheus asks, over real sockets: whatever asks, it answers, and nothing of it stays behind."""
+
+from __future__ import annotations
+
+import asyncio
+import gc
+import logging
+import socket
+import tracemalloc
+from collections.abc import Awaitable, Callable
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from sink_status import status
+
+from quavelet.sinks.metrics import LONGEST_REQUEST_BYTES, MOST_CONNECTIONS, MetricsEndpoint, code_of
+from quavelet.sinks.status import Status
+
+GOOD = b"GET /metrics HTTP/1.1\r\nHost: localhost\r\n\r\n"
+PATIENCE_S = 0.3
+
+
+def run(
+    scenario: Callable[[MetricsEndpoint], Awaitable[None]], *, of: Callable[[], Status] = status
+) -> MetricsEndpoint:
+    """The scenario with an open endpoint; afterwards nothing of it may be left."""
+
+    async def whole() -> MetricsEndpoint:
+        endpoint = MetricsEndpoint("127.0.0.1", 0, status=of, patience_s=PATIENCE_S)
+        await endpoint.open()
+        try:
+            async with asyncio.timeout(20):
+                await scenario(endpoint)
+        finally:
+            await endpoint.close()
+        assert asyncio.all_tasks() == {asyncio.current_task()}
+        return endpoint
+
+    return asyncio.run(whole())
+
+
+async def ask(endpoint: MetricsEndpoint, request: bytes = GOOD) -> bytes:
+    """What comes back until the other side closes; b"" where it cut the connection off."""
+    reader, writer = await asyncio.open_connection("127.0.0.1", endpoint.port)
+    try:
+        writer.write(request)
+        return await reader.read()
+    except ConnectionError:
+        return b""
+    finally:
+        writer.close()
+
+
+def code(answer: bytes) -> str:
+    return answer.split(b" ", 2)[1].decode() if answer else "cut off"
+
+
+def test_get_metrics_is_answered_whole_and_as_prometheus_text():
+    async def scenario(endpoint: MetricsEndpoint) -> None:
+        head, _, body = (await ask(endpoint)).partition(b"\r\n\r\n")
+        assert head.startswith(b"HTTP/1.1 200 OK\r\n")
+        assert b"Content-Type: text/plain; version=0.0.4; charset=utf-8" in head
+        assert b"Content-Length: %d" % len(body) in head
+        assert b'quavelet_samples_total{name="imu0",src="linux:1"} 2500\n' in body
+        assert b'quavelet_metrics_requests_total{name="imu0",src="linux:1",code="200"} 1\n' in body
+
+    assert run(scenario).answers == {"200": 1}
+
+
+@pytest.mark.parametrize(
+    ("request_", "expected"),
+    [
+        (b"GET / HTTP/1.1\r\n\r\n", "404"),
+        (b"GET /metrics/../../etc/passwd HTTP/1.1\r\n\r\n", "404"),
+        (b"GET /metrics?a=b HTTP/1.1\r\n\r\n", "200"),
+        (b"POST /metrics HTTP/1.1\r\nContent-Length: 3\r\n\r\nabc", "405"),
+        (b"HEAD /metrics HTTP/1.1\r\n\r\n", "405"),
+        (b"GET  /metrics HTTP/1.1\r\n\r\n", "400"),
+        (b"GET /metrics\r\n\r\n", "400"),
+        (b"GET http://elsewhere/metrics HTTP/1.1\r\n\r\n", "400"),
+        (b"PRI * HTTP/2.0\r\n\r\n", "400"),
+        (b"\x16\x03\x01\x02\x00\x01\x00\r\n\r\n", "400"),
+        (b"\r\n\r\n", "400"),
+    ],
+)
+def test_anything_else_is_told_so(request_, expected):
+    async def scenario(endpoint: MetricsEndpoint) -> None:
+        assert code(await ask(endpoint, request_)) == expected
+
+    assert run(scenario).answers == {expected: 1}
+
+
+@given(
+    st.one_of(
+        st.binary(), st.lists(st.sampled_from([b"GET", b"/metrics", b" ", b"HTTP/1.1", b"\r\n", b"?"])).map(b"".join)
+    )
+)
+def test_every_beginning_of_a_request_has_a_code(head):
+    assert code_of(head) in {"200", "400", "404", "405"}
+
+
+def test_a_request_that_does_not_end_is_given_up():
+    async def scenario(endpoint: MetricsEndpoint) -> None:
+        assert code(await ask(endpoint, GOOD[:-2])) == "408"
+
+    assert run(scenario).answers == {"408": 1}
+
+
+def test_a_request_that_comes_a_byte_at_a_time_has_no_more_time_than_another():
+    async def scenario(endpoint: MetricsEndpoint) -> None:
+        reader, writer = await asyncio.open_connection("127.0.0.1", endpoint.port)
+        for byte in range(1000):
+            writer.write(b"GET /metrics HTTP/1.1\r\nX: aaaa"[byte : byte + 1] or b"a")
+            await asyncio.sleep(PATIENCE_S / 10)
+            if endpoint.answers:
+                break
+        assert byte < 30
+        assert code(await reader.read()) == "408"
+        writer.close()
+
+    assert run(scenario).answers == {"408": 1}
+
+
+def test_ten_megabytes_of_request_take_no_memory_and_are_cut_off():
+    async def scenario(endpoint: MetricsEndpoint) -> None:
+        reader, writer = await asyncio.open_connection("127.0.0.1", endpoint.port)
+        gc.collect()
+        tracemalloc.start()
+        try:
+            for _ in range(10_000):
+                writer.write(b"GET /metrics HTTP/1.1 " + b"x" * 1002)
+                await writer.drain()
+        except ConnectionError:
+            pass
+        _, peak = tracemalloc.get_traced_memory()
+        tracemalloc.stop()
+        writer.close()
+        del reader
+        assert peak < 20 * LONGEST_REQUEST_BYTES + 200_000
+        assert code(await ask(endpoint)) == "200"
+
+    assert run(scenario).answers == {"431": 1, "200": 1}
+
+
+def test_two_hundred_silent_connections_keep_nobody_out_for_longer_than_the_patience():
+    async def scenario(endpoint: MetricsEndpoint) -> None:
+        # One after the other: more at once than the kernel's queue holds would be known to the client only.
+        silent = [await asyncio.open_connection("127.0.0.1", endpoint.port) for _ in range(200)]
+        answers = await asyncio.gather(*(reader.read() for reader, _ in silent))
+        assert sorted(map(code, answers)) == ["408"] * MOST_CONNECTIONS + ["503"] * (200 - MOST_CONNECTIONS)
+        assert code(await ask(endpoint)) == "200"
+        for _, writer in silent:
+            writer.close()
+
+    run(scenario)
+
+
+def test_one_who_asks_and_goes_leaves_nothing_behind():
+    async def scenario(endpoint: MetricsEndpoint) -> None:
+        for request in (GOOD[:10], GOOD, b""):
+            _, writer = await asyncio.open_connection("127.0.0.1", endpoint.port)
+            writer.write(request)
+            await writer.drain()
+            writer.transport.abort()
+        assert code(await ask(endpoint)) == "200"
+        async with asyncio.timeout(5):
+            while endpoint.waiting:
+                await asyncio.sleep(0.01)
+
+    run(scenario)
+
+
+def test_one_who_never_reads_the_answer_is_cut_off():
+    async def scenario(endpoint: MetricsEndpoint) -> None:
+        never_reads = socket.socket()
+        never_reads.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        with never_reads:
+            never_reads.connect(("127.0.0.1", endpoint.port))
+            never_reads.sendall(GOOD)
+            await asyncio.sleep(PATIENCE_S / 2)
+            assert endpoint.waiting == 1
+            await asyncio.sleep(PATIENCE_S)
+            assert endpoint.waiting == 0
+
+    # An answer of some 15 MB is more than the kernel keeps for both ends.
+    assert run(scenario, of=lambda: status(src="x" * 100_000)).answers == {"200": 1}
+
+
+def test_closing_cuts_off_whoever_is_connected_and_frees_the_port():
+    async def scenario(endpoint: MetricsEndpoint) -> None:
+        reader, writer = await asyncio.open_connection("127.0.0.1", endpoint.port)
+        await asyncio.sleep(0.01)
+        port = endpoint.port
+        await endpoint.close()
+        with pytest.raises(OSError):
+            await asyncio.open_connection("127.0.0.1", port)
+        assert await asyncio.wait_for(reader.read(), 5) == b""
+        writer.close()
+        await endpoint.open()
+        assert code(await ask(endpoint)) == "200"
+
+    run(scenario)
+
+
+def test_figures_that_cannot_be_given_are_an_error_in_the_log_and_the_next_are_asked_for(caplog):
+    calls = iter([ValueError("no figures"), status()])
+
+    def of() -> Status:
+        found = next(calls)
+        if isinstance(found, Exception):
+            raise found
+        return found
+
+    async def scenario(endpoint: MetricsEndpoint) -> None:
+        with caplog.at_level(logging.ERROR):
+            assert code(await ask(endpoint)) == "500"
+        assert "no figures" in caplog.text
+        assert code(await ask(endpoint)) == "200"
+
+    run(scenario, of=of)
+
+
+def test_a_port_that_is_taken_is_an_error_that_names_it():
+    async def scenario(endpoint: MetricsEndpoint) -> None:
+        other = MetricsEndpoint("127.0.0.1", endpoint.port, status=status)
+        with pytest.raises(OSError, match=str(endpoint.port)):
+            await other.open()
+        await other.close()
+
+    run(scenario)
