@@ -14,8 +14,12 @@ from quavelet.sinks.encodings.nmea import Nmea
 from quavelet.sinks.encodings.opentrack import OpenTrack
 from quavelet.sinks.encodings.signalk import SignalK
 from quavelet.sinks.encodings.wall_time import offset_from
+from quavelet.sinks.output import Output
 from quavelet.sinks.plan import OutputPlan
 from quavelet.sinks.transport import Transport
+from quavelet.sinks.transports.tcp import TcpTransport
+from quavelet.sinks.transports.udp import UdpTransport
+from quavelet.sinks.transports.unix import UnixTransport
 
 ENCODINGS: dict[str, Callable[[OutputPlan], Encoding]] = {
     "json": Json,
@@ -26,7 +30,11 @@ ENCODINGS: dict[str, Callable[[OutputPlan], Encoding]] = {
     "mavlink": lambda plan: Mavlink(),  # noqa: ARG005
 }
 
-TRANSPORTS: dict[Way, Callable[[OutputPlan], Transport]] = {}
+TRANSPORTS: dict[Way, Callable[[OutputPlan], Transport]] = {
+    "unix": UnixTransport,
+    "tcp": TcpTransport,
+    "udp": UdpTransport,
+}
 """stdout is not here: it is no business of the network's thread, since a pipe may block."""
 
 
@@ -44,3 +52,8 @@ def make_transport(plan: OutputPlan) -> Transport:
     if made is None:
         raise SettingsError(f"output.{plan.name}: to = '{plan.settings.to}' is not there: use another")
     return made(plan)
+
+
+def make_output(plan: OutputPlan) -> Output:
+    """An output for the network. Raises SettingsError as the two above."""
+    return Output(plan, make_encoding(plan), make_transport(plan))
