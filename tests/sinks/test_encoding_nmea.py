@@ -67,6 +67,13 @@ def test_a_heading_that_rounds_up_to_north_is_0_and_not_360():
     assert (str(found["HDT"].heading), found["PASHR"].true_heading) == ("0.0", 0.0)
 
 
+@pytest.mark.parametrize(("yaw", "empty"), [("relative", 4), ("magnetic", 4), ("true", 1)])
+def test_a_pashr_without_a_heading_has_more_empty_fields_than_a_signal_k_server_takes(yaw, empty):
+    # It reads an empty heading as 0, and gives up a PASHR of more than three empty fields.
+    (pashr,) = (line for line in Nmea(offset_ns=offset_ns).encode(message(yaw=yaw)).split(b"\r\n") if b"PASHR" in line)
+    assert pashr.split(b"*")[0].split(b",").count(b"") == empty
+
+
 @pytest.mark.parametrize("flag", ["settling", "stuck"])
 def test_an_attitude_that_may_not_be_used_leaves_its_fields_empty(flag):
     found = sentences(message(flags=[flag]))

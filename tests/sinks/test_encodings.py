@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import json
 import re
+import time
 from typing import get_args
 
 import msgspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from sink_messages import broken_messages, message, messages
+from sink_messages import FLAGS, T_NS, broken_messages, message, messages
 
 from quavelet.core.clock import VirtualClock
 from quavelet.core.errors import SettingsError
+from quavelet.core.units import NS_PER_MS
 from quavelet.settings import OutputSettings
 from quavelet.settings.outputs import EncodingName
 from quavelet.sinks.encoding import Encoding
@@ -80,3 +82,16 @@ def test_what_is_no_number_is_null_in_json(told):
 def test_a_stuck_chip_does_not_look_like_a_healthy_one(name):
     encoding = made(name)
     assert encoding.encode(message(flags=["stuck"])) != encoding.encode(message())
+
+
+@pytest.mark.benchmark
+@pytest.mark.parametrize("name", sorted(ENCODINGS))
+def test_any_message_fits_one_datagram_and_the_cost_is_this(name):
+    encoding = made(name)
+    worst = message((0.3, -0.4, 0.5, -0.6), yaw="magnetic", flags=FLAGS, gyro_rad_s=(-34.9, 34.9, -34.9), src="x" * 60)
+    assert len(encoding.encode(worst)) <= 1400
+    told = [message((1.0, 0.01 * (i % 7), 0.1, 0.2), yaw="true", t_ns=T_NS + 5 * NS_PER_MS * i) for i in range(1000)]
+    began_ns = time.perf_counter_ns()
+    size = sum(len(encoding.encode(one)) for one in told)
+    cost_us = (time.perf_counter_ns() - began_ns) / 1e3 / len(told)
+    print(f"{name}: {cost_us:.1f} us and {size / len(told):.0f} bytes a message")
