@@ -31,13 +31,13 @@ def test_both_packages_tell_type_checkers_that_they_are_typed():
     assert (ROOT / "hw_fakes" / "py.typed").exists()
 
 
-def test_the_wheel_has_the_unit_the_rule_and_the_sample_settings(tmp_path: Path):
+def test_the_wheel_has_the_unit_and_the_rule(tmp_path: Path):
     pytest.importorskip("setuptools")
     command = ["-q", "egg_info", "--egg-base", tmp_path, "build_py", "--build-lib", tmp_path / "wheel"]
     build = [sys.executable, "-W", "ignore", "-c", "from setuptools import setup; setup()", *command]
     done = subprocess.run(build, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    for name in ("quavelet@.service", "60-quavelet.rules", "quavelet.toml"):
+    for name in ("quavelet@.service", "60-quavelet.rules"):
         packed = tmp_path / "wheel" / "quavelet" / "service" / "systemd" / name
         assert packed.read_text() == (ROOT / "systemd" / name).read_text()
 

@@ -14,6 +14,7 @@ import pytest
 from quavelet.cli import exits
 from quavelet.loop.kernel import DMA_LATENCY_PATH
 from quavelet.settings import Settings, load_settings
+from quavelet.settings.reference import example
 
 FOLDER = Path(__file__).parents[2] / "systemd"
 UNIT = FOLDER / "quavelet@.service"
@@ -95,6 +96,10 @@ def test_the_sample_configuration_has_every_key_at_its_default() -> None:
     sample: dict[str, Any] = tomllib.loads(path.read_text())
     defaults: dict[str, Any] = msgspec.json.decode(msgspec.json.encode(Settings()))
     assert sample == defaults
+
+
+def test_the_sample_configuration_is_what_the_program_prints() -> None:
+    assert (FOLDER / "quavelet.toml").read_text() == example(), "quavelet config --example > systemd/quavelet.toml"
 
 
 def test_every_key_of_the_sample_configuration_stands_under_a_comment() -> None:

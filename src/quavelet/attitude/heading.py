@@ -49,14 +49,15 @@ log = logging.getLogger(__name__)
 class HeadingParams(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """The magnetometer's calibration and what heading counts from: field = soft_iron (measured - hard_iron_ut).
 
-    hard_iron_ut        x y z in the body frame, uT; empty: not calibrated, and heading is not used
+    hard_iron_ut        x y z in the body frame, uT; empty: that of the chip's calibration by `quavelet calibrate`, and
+                        without one heading is not used and yaw stays relative
     hard_iron_sigma_ut  one sigma of what the calibration leaves of an axis, uT
     soft_iron           nine numbers, row by row; empty: none
     field_ut            strength of the Earth's field where it was calibrated; a first fix is not taken where it is
                         unlike that. 0: not known
-    declination_deg     of the place, east of true north; "none": heading counts from magnetic north
-    tau_s               time constant with which the magnetometer is followed
-    """
+    declination_deg     of the place, degrees east of true north, such as 4.2; "none": heading counts from magnetic
+    north tau_s               time constant with which the magnetometer is followed; the gyroscope bridges what is
+    faster"""
 
     hard_iron_ut: tuple[float, ...] = ()
     hard_iron_sigma_ut: float = 1.0

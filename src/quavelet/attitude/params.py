@@ -34,7 +34,8 @@ _USES: dict[Kind, tuple[str, ...]] = {
 
 
 class FilterParams(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Which filter, and what can be tuned of it.
+    """Which filter, and what can be tuned of it. A value that is not the default's and that the kind has no use for is
+    an error.
 
     kind        "gated"          holds still when the board does, and is "velocity" else
                 "velocity"       a Kalman filter that knows the board's velocity to stay near zero
@@ -47,10 +48,13 @@ class FilterParams(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
                 moves harder
     relearn_s   of "gated": a small rate as steady for so long is taken for the bias during the first five minutes
                 and while the chip's temperature changes; 0: never, the heading is flagged only
-    kp, ki, kd, kd_tau_s, integral_limit_rad_s   of "pid" (`PidParams`), kp of "p" too
-    method      how the rate is integrated: "rk1", "rk2", "rk4" or "exp"
-
-    A value that is not the default's and that the kind has no use for is a SettingsError.
+    kp          of "pid" and "p", 1/s: how strongly gravity corrects the tilt; more drifts less, and is disturbed more
+                by acceleration
+    ki          of "pid", 1/s^2: the same for the integral, which follows the gyroscope's bias while the board moves
+    kd          of "pid": the same for the derivative, low-passed over kd_tau_s seconds
+    kd_tau_s    of "pid"
+    integral_limit_rad_s   of "pid": no axis of the integral goes beyond this
+    method      how the rate is integrated
     """
 
     kind: Kind = "gated"

@@ -9,10 +9,11 @@ import msgspec
 import typer
 
 from quavelet.cli import exits, options
-from quavelet.settings import LoadedSettings, Table, Value, as_tables
+from quavelet.settings import LoadedSettings, Table, Value, as_tables, reference
 from quavelet.sinks.message import Message
 
 Schema = Annotated[bool, typer.Option("--schema", help="The JSON schema of the messages, instead.")]
+Example = Annotated[bool, typer.Option("--example", help="A commented file with every key at its default, instead.")]
 AsJson = Annotated[bool, typer.Option("--json", help="As JSON, each value with its origin.")]
 
 
@@ -23,8 +24,12 @@ def config(
     config: options.Config = None,
     json: AsJson = False,
     schema: Schema = False,
+    example: Example = False,
 ) -> None:
     """Show the settings in force as a TOML file, each with its origin; what it prints can be used as one."""
+    if example:
+        exits.put(reference.example().rstrip("\n"))
+        return
     if schema:
         _print_json(msgspec.json.schema(Message))
         return
@@ -64,14 +69,8 @@ def _with_origins(table: Table, origin: Mapping[str, str], name: str) -> dict[st
 
 
 def _toml_line(key: str, value: Value, origin: str) -> str:
-    # A TOML value of these types (text, numbers, booleans, lists of numbers) is written as in JSON, but for DEL.
-    text = (
-        f"0x{value:02x}"
-        if key in ("address", "accept_id", "who_am_i")
-        else msgspec.json.encode(value).decode().replace("\x7f", "\\u007f")
-    )
     comment = "".join(c if c.isprintable() else "?" for c in origin)
-    return f"{f'{key} = {text}':<36}# {comment}"
+    return f"{f'{key} = {reference.toml_value(key, value)}':<36}# {comment}"
 
 
 def _print_json(value: object) -> None:

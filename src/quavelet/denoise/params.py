@@ -25,7 +25,8 @@ _FLOORS = (GYRO_FLOOR_RAD_S,) * 3 + (ACCEL_FLOOR_M_S2,) * 3
 
 
 class DenoiseParams(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What is done to rate and acceleration before the attitude; whatever it is, both are delayed alike.
+    """What is done to rate and acceleration before the attitude; whatever it is, both are delayed alike. Attitude gains
+    hardly anything from it.
 
     kind        "none"
                 "wavelet"   details below a threshold are shrunk; (2^levels - 1)(taps - 1) samples late
@@ -37,14 +38,15 @@ class DenoiseParams(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
                             all motion slower than an eighth of the sample rate. For comparison only: the heading
                             cannot move, and is flagged
                 "details-shrunk"  its reading D: the details shrunk as by "wavelet" besides
-    wavelet     of "wavelet" and "lowpass": "db3", "db4", "sym6", ...
-    levels      of both
-    threshold   of "wavelet": "universal" or "level_scaled"
+    wavelet     of "wavelet" and "lowpass": "db3", "db4", "sym6", ...; db3 with 2 levels is 15 samples late
+    levels      of "wavelet" and "lowpass"
+    threshold   of "wavelet": what is called noise
     noise       of "wavelet": sigma from the "first" level, or of each "level" by itself
-    shrink      of "wavelet": "soft", "hard", "improved", "sigmoid", "power"; k and alpha for the last three
-    window      of "median" and "hampel", odd, samples
+    shrink      of "wavelet"
+    k, alpha    of the shrinks "improved", "sigmoid" and "power"
+    window      of "median" and "hampel", in samples
     sigmas      of "hampel": how far from the median an impulse is
-    forgetting  of "smoother", from 0 to 1, the larger the smoother
+    forgetting  of "smoother"
     """
 
     kind: Kind = "none"

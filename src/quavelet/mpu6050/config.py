@@ -22,12 +22,14 @@ _WRITTEN_AS = 1e-5
 
 
 class ChipConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Ranges, low-pass filter and sample rate. Refuses with SettingsError what the chip cannot do.
+    """Ranges, low-pass filter and sample rate. What the chip cannot do is refused.
 
-    gyro_range_dps   250, 500, 1000 or 2000 deg/s
-    accel_range_g    2, 4, 8 or 16 g
-    dlpf             0 to 6, DLPF_CFG of RM p. 13: 0 is the widest, 6 the narrowest and slowest
-    sample_rate_hz   what the divider can make: 1000/n, or 8000/n at dlpf 0, and no more than 1000
+    gyro_range_dps   full scale in deg/s; a smaller one resolves more, a larger one survives faster turns
+    accel_range_g    full scale in g
+    dlpf             low-pass filter, DLPF_CFG of RM p. 13: 0 to 6 are 256, 188, 98, 42, 20, 10 and 5 Hz. More filter,
+                     more delay
+    sample_rate_hz   what the divider can make: 1000/n, or 8000/n at dlpf 0, and no more than 1000. At least twice the
+                     filter's bandwidth, or vibration folds into the angles
     """
 
     gyro_range_dps: int

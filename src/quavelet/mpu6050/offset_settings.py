@@ -11,7 +11,8 @@ _LISTS = ("accel_factory", "gyro_factory", "accel", "gyro")
 
 
 class OffsetSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What is to stand in the chip's offset registers, as `measured_as_toml` writes it; all empty: the factory's words.
+    """What is written to the chip's own offset registers after every reset, as it was measured on this very chip
+    (`measured_as_toml`, src/quavelet/mpu6050/README.md); all empty: the factory's words stay.
 
     who_am_i                      of the chip it was measured on
     accel_factory, gyro_factory   what that chip holds after a reset, x y z

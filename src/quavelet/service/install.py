@@ -17,18 +17,18 @@ from quavelet.service.i2c_on import i2c_advice
 from quavelet.service.program import Program
 from quavelet.service.steps import InstallError, Run, Step, run_command, write_file
 from quavelet.settings import BusSettings, load_settings
+from quavelet.settings.reference import example
 
 USER = "quavelet"
 GROUP = "i2c"
 UNIT = "quavelet@.service"
 RULE = "60-quavelet.rules"
-SAMPLE = "quavelet.toml"
 PLACE = "/opt/quavelet/venv/bin/quavelet"
 """The program in the unit as it is shipped."""
 
 
 def shipped(name: str) -> str:
-    """The text of the unit, the udev rule or the sample settings: from the wheel, or from the source's folder."""
+    """The text of the unit or the udev rule: from the wheel, or from the source's folder."""
     inside = Path(__file__).parent / "systemd"
     folder = inside if inside.is_dir() else Path(__file__).parents[3] / "systemd"
     try:
@@ -85,7 +85,7 @@ class Installation:
         if chip is None:
             chip = load_settings(self.config if self.config.exists() else None).settings.bus
         unit = shipped(UNIT).replace(PLACE, str(self.program.path))
-        sample = _with_value(shipped(SAMPLE), "name", msgspec.json.encode(chip.name).decode())
+        sample = _with_value(example(), "name", msgspec.json.encode(chip.name).decode())
         sample = _with_value(sample, "address", f"0x{chip.address:02x}")
         return [
             self._group(),

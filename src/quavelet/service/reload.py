@@ -9,10 +9,7 @@ from dataclasses import dataclass
 import msgspec
 
 from quavelet.core.errors import ImuError, SettingsError
-from quavelet.settings import Settings, as_tables
-
-HOT_TABLES = ("output",)
-"""Tables that are put in force without a restart."""
+from quavelet.settings import HOT_TABLES, Settings, as_tables, is_hot
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,8 +35,8 @@ def changes(old: Settings, new: Settings) -> Changes:
     """What differs between two settings."""
     names = _differing(as_tables(old), as_tables(new))
     return Changes(
-        tuple(name for name in names if name.partition(".")[0] in HOT_TABLES),
-        tuple(name for name in names if name.partition(".")[0] not in HOT_TABLES),
+        tuple(name for name in names if is_hot(name)),
+        tuple(name for name in names if not is_hot(name)),
     )
 
 

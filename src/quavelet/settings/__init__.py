@@ -3,6 +3,7 @@
 from quavelet.attitude.params import FilterParams
 from quavelet.mpu6050.offset_settings import OffsetSettings
 from quavelet.settings.checking import parse_settings
+from quavelet.settings.hot import HOT_TABLES, is_hot
 from quavelet.settings.loading import LoadedSettings, Table, Tables, Value, as_tables, load_settings
 from quavelet.settings.outputs import Destination, EncodingName, MqttSettings, OutputSettings
 from quavelet.settings.service import RecordingSettings, ServiceSettings
@@ -16,6 +17,7 @@ from quavelet.settings.tables import (
 )
 
 __all__ = [
+    "HOT_TABLES",
     "BusSettings",
     "CalibrationSettings",
     "Destination",
@@ -35,6 +37,7 @@ __all__ = [
     "Tables",
     "Value",
     "as_tables",
+    "is_hot",
     "load_settings",
     "parse_settings",
 ]

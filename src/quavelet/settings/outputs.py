@@ -9,7 +9,7 @@ from typing import Literal
 import msgspec
 
 from quavelet.core.errors import SettingsError
-from quavelet.settings.service import NAME, check_socket_path, host_and_port
+from quavelet.settings.service import NAME, check_socket_path, host_and_port, without_login
 
 EncodingName = Literal["json", "nmea", "signalk", "influx", "opentrack", "mavlink"]
 Way = Literal["stdout", "unix", "tcp", "udp", "mqtt", "mqtts"]
@@ -32,15 +32,18 @@ class Destination:
 
 
 class MqttSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """An MQTT broker.
+    """The broker of an output to "mqtt:" or "mqtts:".
 
     topic              "auto": quavelet/NAME with the service's name
-    user               and password_file, a file that holds nothing but the password; "": none
+    user               who we are to the broker; "": nobody
+    password_file      a file that holds nothing but the password; "": none. Readable by the service's user alone
     ca_file            certificates that the broker's must be signed by (mqtts); "": those of the system
-    certificate        and key_file, our own, PEM; "": none
-    qos                0, 1 or 2
+    certificate        our own, PEM, with its key in key_file; "": none
+    key_file           of the certificate
+    qos                how hard is tried: at most once, at least once, exactly once
     client_id          "auto": quavelet-NAME
-    home_assistant     announce the sensors to Home Assistant, below `discovery_prefix`
+    home_assistant     announce the sensors to Home Assistant
+    discovery_prefix   below which Home Assistant looks for them
     expire_after_s     without a message for so long Home Assistant shows them as unavailable
     """
 
@@ -71,11 +74,11 @@ class MqttSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
 
 
 class OutputSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """One output.
+    """One output, by a name of its own.
 
     to              "stdout", "unix:PATH", "tcp:HOST:PORT" (it listens there; port 0: any free one), "udp:HOST:PORT",
                     "mqtt:HOST[:PORT]" or "mqtts:HOST[:PORT]"
-    encoding        "json", "nmea", "signalk", "influx", "opentrack" or "mavlink"
+    encoding        in which words
     rate_hz         at most so many messages a second; 0: all
     dead_band_deg   a message is left out while no angle has gone so far and nothing else changed; one a second goes
                     all the same. 0: none is left out
@@ -113,8 +116,8 @@ class OutputSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_f
         way = next((way for way in WAYS[1:] if way == word), None)
         if way is None or not rest:
             raise SettingsError(
-                f"to = {self.to!r} is no place for an output: give stdout, unix:PATH, tcp:HOST:PORT, udp:HOST:PORT, "
-                "mqtt:HOST or mqtts:HOST"
+                f"to = {without_login(self.to)!r} is no place for an output: give stdout, unix:PATH, "
+                "tcp:HOST:PORT, udp:HOST:PORT, mqtt:HOST or mqtts:HOST"
             )
         if way == "unix":
             check_socket_path("to", rest)

@@ -15,14 +15,14 @@ LONGEST_SOCKET_PATH = 107
 
 
 class ServiceSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The service.
+    """What others know the program by, and what it keeps.
 
     name              what it is called; "auto": as the settings file, without ".toml", or "imu"
     socket            the local socket that `quavelet status` and `watch` ask: a path, or "" for none; "auto": NAME.sock
                       in systemd's $RUNTIME_DIRECTORY, else in $XDG_RUNTIME_DIR/quavelet, else none
     state_file        where the attitude is kept over a restart: a path, or "" for nowhere; "auto": NAME.state in
                       systemd's $STATE_DIRECTORY, else nowhere
-    metrics           "HOST:PORT" where Prometheus may ask for figures; "": nowhere
+    metrics           "HOST:PORT" where Prometheus may ask for figures, as "127.0.0.1:9650"; "": nowhere
     wait_for_device   keep trying while the chip does not answer at the start
     """
 
@@ -71,7 +71,7 @@ class RecordingSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknow
             ("fsync_s", self.fsync_s, 0.0, 3600.0),
         ):
             if not least <= value <= most:
-                raise SettingsError(f"{key} = {value:g} does not fit: give {least:g} to {most:g}")
+                raise SettingsError(f"{key} = {value:g} does not fit: give {least:.10g} to {most:.10g}")
 
 
 def check_socket_path(key: str, path: str) -> None:
@@ -80,11 +80,18 @@ def check_socket_path(key: str, path: str) -> None:
         raise SettingsError(f"{key} = {path!r} is no path of a socket: give at most {LONGEST_SOCKET_PATH} bytes")
 
 
+def without_login(text: str) -> str:
+    """The text as it may be shown: a URL may have been meant, with a password before the host."""
+    return re.sub(r".*@", "***@", text, flags=re.DOTALL)
+
+
 def host_and_port(text: str, *, key: str, port: int | None = None) -> tuple[str, int]:
     """ "HOST:PORT" or "[IPv6]:PORT" apart; `port` is taken where none is given. Raises SettingsError naming `key`."""
     match = re.fullmatch(r"(?:\[([0-9A-Fa-f:.%\w]+)\]|([A-Za-z0-9._-]+))(?::([0-9]{1,5}))?", text, re.ASCII)
     if match is None or not (match[3] or port):
-        raise SettingsError(f"{key} = {text!r} is no HOST:PORT: write it as 192.168.1.20:5555 or [fe80::1]:5555")
+        raise SettingsError(
+            f"{key} = {without_login(text)!r} is no HOST:PORT: write it as 192.168.1.20:5555 or [fe80::1]:5555"
+        )
     number = int(match[3]) if match[3] else port or 0
     if number > 65535:
         raise SettingsError(f"{key} = {text!r}: there is no port {number}, give 1 to 65535")

@@ -20,11 +20,14 @@ from quavelet.settings.service import RecordingSettings, ServiceSettings
 class BusSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Where the chip is.
 
-    name        "linux:N" for /dev/i2c-N, or "fake:NAME"
-    address     0x68, or 0x69 with AD0 high
-    accept_id   a WHO_AM_I that is driven, as an MPU-6500, although quavelet does not know it; 0: none
-    int_line    the GPIO that INT is wired to, "LABEL:LINE" as `gpiodetect` shows them, or "fake:int" on a fake bus; "":
-                none
+    name        "linux:N" for /dev/i2c-N; on a Raspberry Pi the pins 3 and 5 are linux:1. "fake:NAME" is a fake chip,
+                and says so
+    address     0x68, or 0x69 with AD0 wired to 3.3 V
+    accept_id   WHO_AM_I of a chip of this family that quavelet does not know and shall drive all the same, as an
+                MPU-6500; 0: none
+    int_line    the GPIO that the chip's INT pin is wired to, "LABEL:LINE" as `gpiodetect` shows them:
+                "pinctrl-bcm2711:17" on a Raspberry Pi 4, "pinctrl-rp1:17" on a 5, "fake:int" on a fake bus. Samples are
+                then timed to some microseconds. "": none
     """
 
     name: str = "linux:1"
@@ -44,7 +47,8 @@ class BusSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
 class MountingSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """How the chip lies in the body whose attitude is wanted.
 
-    x, y, z   which axis of the chip points along the body's: "+x", "-x" and so on
+    x, y, z   which axis of the chip, as printed on its board, points along the body's x, y and z: "+x", "-x", "+y",
+              "-y", "+z" or "-z"
     """
 
     x: str = AS_THE_CHIP[0]
@@ -67,7 +71,7 @@ class CalibrationSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unkn
 
     file        its path; "": that of the chip, where there is one
     automatic   look for that of the chip, by its factory's trim, in ~/.config/quavelet/calibration and
-                /etc/quavelet/calibration
+                /etc/quavelet/calibration. One that does not fit, or is damaged, is told of and not used
     """
 
     file: str = ""
@@ -77,8 +81,8 @@ class CalibrationSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unkn
 class StartSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """How the gyroscope's bias is found.
 
-    still_s         how long the board must be still for its mean rate to be taken as the bias, s
-    gyro_bias_dps   a bias known beforehand, deg/s x y z; empty: measure it
+    still_s         how long the board must lie still for its mean rate to be taken as the bias
+    gyro_bias_dps   a bias known beforehand, x y z in deg/s, such as [1.2, -0.4, 0.1]; empty: measure it
     """
 
     still_s: float = 2.0
@@ -92,19 +96,17 @@ class StartSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
 
 
 class LoopSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The fixed-step loop.
+    """The fixed-step loop, and real-time settings that are tried and reported.
 
-    rate_hz          how often the FIFO is drained and a message goes out
-
-    The rest are real-time settings, tried and reported (see loop/realtime.py):
-
-    priority         SCHED_FIFO priority of the loop's thread, 1 to 99; 0 leaves its scheduling alone
-    lock_memory      keep the process's pages in memory (mlockall)
-    cpu_dma_latency  keep all processors out of deep idle states; costs power
-    timer_slack      let the kernel delay the thread's timers by 1 ns, not the usual 50 us
-    tune_gc          take all objects that exist now out of the garbage collector's sight, and let it look at
-                     new ones rarely. It is not switched off: whatever makes reference cycles would then leak
-                     for as long as the service runs.
+    rate_hz          how often the FIFO is drained and a message goes out, in Hz; at least chip.sample_rate_hz / 35 (21
+                     with a magnetometer), or the chip's FIFO overflows
+    priority         SCHED_FIFO priority of the loop's thread; 0 leaves its scheduling alone. The unit allows 50
+    lock_memory      keep the program's memory from being swapped out (mlockall)
+    cpu_dma_latency  keep all processors out of deep idle states: wakes up sooner, costs power
+    timer_slack      wake up to the nanosecond asked for, not up to 50 us later
+    tune_gc          take all objects that exist at the start out of the garbage collector's sight, and let it look at
+                     new ones rarely. It is not switched off: whatever makes reference cycles would then leak for as
+                     long as the service runs
     switch_interval  make other Python threads hand over the interpreter within 0.1 ms, not the usual 5 ms
     """
 

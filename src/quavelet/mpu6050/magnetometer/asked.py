@@ -14,12 +14,15 @@ LONGEST_BYTES = 10
 
 
 class MagnetometerParams(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The magnetometer behind the chip. Refuses with SettingsError what cannot be.
+    """The magnetometer of a board that has one (GY-87, MPU-9150, MPU-9250), read by the chip. What cannot be is
+    refused.
 
-    use       "no"; "auto": the one that is found, or none; or the name of one, where two are there
+    use       "no"; "auto": the one that is found, or none; or the name of one, where two are there: "HMC5883L",
+              "QMC5883L", "AK8963", "AK8975"
     rate_hz   measurements a second; 0: what suits the kind that is found
     range_ut  full scale of an axis in uT; 0: what suits the kind that is found
-    to_body   rotation from its axes to the chip's, nine numbers row by row; empty: by what was found
+    to_body   how it lies on the board: the rotation from its axes to the chip's, nine numbers row by row; empty: by
+              what was found
     """
 
     use: str = NO

@@ -1,0 +1,70 @@
+"""No password is shown or logged, whatever command is given it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from program import quavelet
+
+from quavelet.cli import exits
+
+SECRET = "Tr0ub4dor-and-3"
+
+
+@pytest.fixture
+def config(tmp_path: Path) -> Path:
+    """Settings with an output to a broker that is not there."""
+    password = tmp_path / "password"
+    password.write_text(f"{SECRET}\n")
+    path = tmp_path / "imu.toml"
+    path.write_text(
+        '[bus]\nname = "fake:tilt"\n[output.home]\nto = "mqtt:127.0.0.1:1"\n'
+        f'[output.home.mqtt]\nuser = "imu"\npassword_file = "{password}"\n'
+    )
+    return path
+
+
+def test_the_settings_are_shown_with_the_passwords_path_only(config: Path) -> None:
+    for more in ((), ("--json",)):
+        done = quavelet("config", "--config", config, *more)
+        assert done.code == exits.OK, done.err
+        assert "password" in done.out
+        assert SECRET not in done.out + done.err
+
+
+def test_a_run_with_a_broker_that_is_away_does_not_tell_the_password(config: Path, tmp_path: Path) -> None:
+    recording = tmp_path / "a.qrec"
+    done = quavelet("--verbose", "run", "--config", config, "--duration", 1, "--json", "--record", recording)
+    assert SECRET not in done.out + done.err
+    assert SECRET.encode() not in recording.read_bytes()
+
+
+@pytest.mark.parametrize(
+    "line", [f'to = "mqtt://imu:{SECRET}@here"', f'to = "mqtt:imu:{SECRET}@here:1"', f'to = "mqtts:{SECRET}@here"']
+)
+def test_a_password_in_an_address_is_refused_and_not_shown(line: str, tmp_path: Path) -> None:
+    path = tmp_path / "imu.toml"
+    path.write_text(f"[output.home]\n{line}\n")
+    done = quavelet("run", "--config", path)
+    assert done.code == exits.SETTINGS
+    assert SECRET not in done.out + done.err
+    assert "***@here" in done.err
+
+
+def test_a_password_in_the_file_itself_is_refused_and_not_shown(tmp_path: Path) -> None:
+    path = tmp_path / "imu.toml"
+    path.write_text(f'[output.home]\nto = "mqtt:here"\n[output.home.mqtt]\nuser = "imu"\npassword = "{SECRET}"\n')
+    done = quavelet("config", "--config", path)
+    assert done.code == exits.SETTINGS
+    (line,) = done.said
+    assert "unknown key output.home.mqtt.password: did you mean password_file?" in line
+    assert SECRET not in line
+
+
+def test_all_mistakes_are_told_a_line_each(tmp_path: Path) -> None:
+    path = tmp_path / "imu.toml"
+    path.write_text("[chip]\ndlpf = 9\n[loop]\nrate_hz = 0.0\npriorty = 1\n")
+    done = quavelet("run", "--config", path)
+    assert done.code == exits.SETTINGS
+    assert [line.startswith(f"quavelet: {path}: ") for line in done.said] == [True] * 3
