@@ -116,7 +116,8 @@ def _until_ns(clock: Clock, duration_s: float | None) -> int | None:
 
 def talk(text: str) -> None:
     """Say something to the person, on stderr."""
-    print(f"quavelet: {text}", file=sys.stderr)
+    for line in text.splitlines():
+        print(f"quavelet: {line}", file=sys.stderr)
 
 
 @contextmanager
