@@ -18,9 +18,11 @@ from quavelet.core.errors import RecordingError
 from quavelet.core.health import Health
 from quavelet.loop.hub import Hub, Policy
 from quavelet.pipeline import build_pipeline, tell_uncalibrated_magnetometer
+from quavelet.recording.mcap import McapWriter, offset_of
 from quavelet.recording.reader import RecordingReader
 from quavelet.recording.replay import ReplaySource, paced
 from quavelet.service.service import QUEUE_DEPTH, STDOUT
+from quavelet.settings import Settings
 from quavelet.sinks.json_lines import JsonLines
 from quavelet.sinks.message import Message, message_of
 
@@ -29,6 +31,10 @@ Speed = Annotated[
     float | None,
     typer.Option(help="1 as recorded, 2 twice as fast, inf without waiting [1 on a terminal, else inf].", min=1e-3),
 ]
+Mcap = Annotated[
+    Path | None,
+    typer.Option(help="Write an MCAP file for Foxglove, in place of JSON lines or the panel.", show_default=False),
+]
 
 
 def replay(
@@ -36,6 +42,7 @@ def replay(
     config: options.Config = None,
     json: options.Json = False,
     speed: Speed = None,
+    mcap: Mcap = None,
 ) -> None:
     """Give the attitude of a recording, with the settings it was recorded with or those of --config.
 
@@ -47,7 +54,7 @@ def replay(
     settings = options.settings_of(None, None, config).settings if config else source.settings
     pipeline = build_pipeline(settings, calibration=source.calibration)
     tell_uncalibrated_magnetometer(settings, source.calibration)
-    to_panel = sys.stdout.isatty() and not json
+    to_panel = sys.stdout.isatty() and not json and mcap is None
     if speed is None:
         speed = 1.0 if to_panel else float("inf")
     hub: Hub[Message] = Hub()
@@ -61,14 +68,19 @@ def replay(
         if to_panel:
             status = lambda: Status(source.decoder.measured_rate_hz, health, None)  # noqa: E731
             hub.subscribe(STDOUT, stack.enter_context(LivePanel(Console(), status=status)), depth=1)
-        else:
+        elif json or mcap is None:
             hub.subscribe(STDOUT, JsonLines(sys.stdout.buffer), depth=QUEUE_DEPTH, policy=Policy.WAIT)
         stack.callback(hub.close)
         stack.enter_context(stopped_by_signals(stop))
+        converted = stack.enter_context(_converted(mcap, reader, settings)) if mcap is not None else None
         for raw in paced(source, clock=MonotonicClock(), speed=speed):
             if stopped or hub.failures():
                 break
-            if len(block := pipeline.process(raw)):
+            block = pipeline.process(raw)
+            if converted is not None:
+                converted.write_raw(raw)
+                converted.write(block)
+            if len(block):
                 hub.publish(message_of(block, src=f"replay:{source.info.src}"))
     tell_counts(health, source.info.src, source.decoder.measured_rate_hz)
     code = outcome(hub)
@@ -80,3 +92,9 @@ def replay(
             raise
         talk(str(error))
     raise typer.Exit(code)
+
+
+def _converted(path: Path, reader: RecordingReader, settings: Settings) -> McapWriter:
+    header = reader.header
+    about = {"src": header.stream.src, "recording": reader.path.name, "version": header.version}
+    return McapWriter(path, offset_ns=offset_of(header), axes=settings.mounting.axes, about=about)
