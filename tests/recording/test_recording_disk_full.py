@@ -85,10 +85,31 @@ more(130)
 assert len(rig.told) == 2, rig.told
 rig.close()
 """
+READ_ONLY = """
+import subprocess
+def remount(how):
+    subprocess.run(["mount", "-o", f"remount,{how}", folder], check=True)
+rig = Rig(folder, BOUNDS)
+rig.write(INFO, *slow_drains(50))
+rig.close()
+remount("ro")
+rig = Rig(folder, BOUNDS)
+rig.write(INFO)
+more(130)
+assert len(rig.told) == 1 and "cannot be written (Read-only file system): give a place" in rig.told[0], rig.told
+assert rig.recorder.stats().unwritten == 130
+remount("rw")
+more(130)
+assert len(rig.told) == 2 and "recording again" in rig.told[1], rig.told
+rig.close()
+assert len(rig.files) > 2
+"""
 
 
-@pytest.mark.parametrize("what", [FILLS_UP, TAKEN_BY_OTHERS, KEEP_FREE], ids=["by us", "by others", "keep_free_mb"])
-def test_a_small_disk_that_fills_up(tmp_path: Path, what: str) -> None:
+@pytest.mark.parametrize(
+    "what", [FILLS_UP, TAKEN_BY_OTHERS, KEEP_FREE, READ_ONLY], ids=["by us", "by others", "keep_free_mb", "read-only"]
+)
+def test_a_small_disk_that_takes_no_more(tmp_path: Path, what: str) -> None:
     own = ["unshare", "--mount", "--map-root-user", "sh", "-c", MOUNT, "sh", str(tmp_path)]
     try:
         subprocess.run([*own, "true"], check=True, capture_output=True)
