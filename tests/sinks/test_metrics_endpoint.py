@@ -7,7 +7,9 @@ import gc
 import logging
 import socket
 import tracemalloc
+from collections import Counter
 from collections.abc import Awaitable, Callable
+from contextlib import suppress
 
 import pytest
 from hypothesis import given
@@ -18,19 +20,23 @@ from quavelet.sinks.metrics import LONGEST_REQUEST_BYTES, MOST_CONNECTIONS, Metr
 from quavelet.sinks.status import Status
 
 GOOD = b"GET /metrics HTTP/1.1\r\nHost: localhost\r\n\r\n"
-PATIENCE_S = 0.3
+SHORT_S = 0.3
+"""The patience where it is to end; elsewhere it outlasts a machine that is busy with other things."""
 
 
 def run(
-    scenario: Callable[[MetricsEndpoint], Awaitable[None]], *, of: Callable[[], Status] = status
+    scenario: Callable[[MetricsEndpoint], Awaitable[None]],
+    *,
+    of: Callable[[], Status] = status,
+    patience_s: float = 20.0,
 ) -> MetricsEndpoint:
     """The scenario with an open endpoint; afterwards nothing of it may be left."""
 
     async def whole() -> MetricsEndpoint:
-        endpoint = MetricsEndpoint("127.0.0.1", 0, status=of, patience_s=PATIENCE_S)
+        endpoint = MetricsEndpoint("127.0.0.1", 0, status=of, patience_s=patience_s)
         await endpoint.open()
         try:
-            async with asyncio.timeout(20):
+            async with asyncio.timeout(60):
                 await scenario(endpoint)
         finally:
             await endpoint.close()
@@ -104,7 +110,7 @@ def test_a_request_that_does_not_end_is_given_up():
     async def scenario(endpoint: MetricsEndpoint) -> None:
         assert code(await ask(endpoint, GOOD[:-2])) == "408"
 
-    assert run(scenario).answers == {"408": 1}
+    assert run(scenario, patience_s=SHORT_S).answers == {"408": 1}
 
 
 def test_a_request_that_comes_a_byte_at_a_time_has_no_more_time_than_another():
@@ -112,21 +118,21 @@ def test_a_request_that_comes_a_byte_at_a_time_has_no_more_time_than_another():
         reader, writer = await asyncio.open_connection("127.0.0.1", endpoint.port)
         for byte in range(1000):
             writer.write(b"GET /metrics HTTP/1.1\r\nX: aaaa"[byte : byte + 1] or b"a")
-            await asyncio.sleep(PATIENCE_S / 10)
+            await asyncio.sleep(SHORT_S / 10)
             if endpoint.answers:
                 break
         assert byte < 30
         assert code(await reader.read()) == "408"
         writer.close()
 
-    assert run(scenario).answers == {"408": 1}
+    assert run(scenario, patience_s=SHORT_S).answers == {"408": 1}
 
 
 def test_ten_megabytes_of_request_take_no_memory_and_are_cut_off():
     async def scenario(endpoint: MetricsEndpoint) -> None:
-        reader, writer = await asyncio.open_connection("127.0.0.1", endpoint.port)
         gc.collect()
         tracemalloc.start()
+        _, writer = await asyncio.open_connection("127.0.0.1", endpoint.port)
         try:
             for _ in range(10_000):
                 writer.write(b"GET /metrics HTTP/1.1 " + b"x" * 1002)
@@ -136,7 +142,6 @@ def test_ten_megabytes_of_request_take_no_memory_and_are_cut_off():
         _, peak = tracemalloc.get_traced_memory()
         tracemalloc.stop()
         writer.close()
-        del reader
         assert peak < 20 * LONGEST_REQUEST_BYTES + 200_000
         assert code(await ask(endpoint)) == "200"
 
@@ -148,12 +153,13 @@ def test_two_hundred_silent_connections_keep_nobody_out_for_longer_than_the_pati
         # One after the other: more at once than the kernel's queue holds would be known to the client only.
         silent = [await asyncio.open_connection("127.0.0.1", endpoint.port) for _ in range(200)]
         answers = await asyncio.gather(*(reader.read() for reader, _ in silent))
-        assert sorted(map(code, answers)) == ["408"] * MOST_CONNECTIONS + ["503"] * (200 - MOST_CONNECTIONS)
+        codes = Counter(map(code, answers))
+        assert codes["408"] >= MOST_CONNECTIONS and codes["503"] > 0 and codes.total() == codes["408"] + codes["503"]
         assert code(await ask(endpoint)) == "200"
         for _, writer in silent:
             writer.close()
 
-    run(scenario)
+    run(scenario, patience_s=1.0)
 
 
 def test_one_who_asks_and_goes_leaves_nothing_behind():
@@ -164,9 +170,8 @@ def test_one_who_asks_and_goes_leaves_nothing_behind():
             await writer.drain()
             writer.transport.abort()
         assert code(await ask(endpoint)) == "200"
-        async with asyncio.timeout(5):
-            while endpoint.waiting:
-                await asyncio.sleep(0.01)
+        while endpoint.waiting:
+            await asyncio.sleep(0.01)
 
     run(scenario)
 
@@ -178,19 +183,28 @@ def test_one_who_never_reads_the_answer_is_cut_off():
         with never_reads:
             never_reads.connect(("127.0.0.1", endpoint.port))
             never_reads.sendall(GOOD)
-            await asyncio.sleep(PATIENCE_S / 2)
-            assert endpoint.waiting == 1
-            await asyncio.sleep(PATIENCE_S)
-            assert endpoint.waiting == 0
+            while not endpoint.answers or endpoint.waiting:
+                await asyncio.sleep(0.01)
+            assert len(everything(never_reads)) < 10_000_000
 
     # An answer of some 15 MB is more than the kernel keeps for both ends.
-    assert run(scenario, of=lambda: status(src="x" * 100_000)).answers == {"200": 1}
+    assert run(scenario, of=lambda: status(src="x" * 100_000), patience_s=SHORT_S).answers == {"200": 1}
+
+
+def everything(connection: socket.socket) -> bytes:
+    """What still comes of a connection whose other end is closed."""
+    got = bytearray()
+    with suppress(ConnectionError):
+        while part := connection.recv(65536):
+            got += part
+    return bytes(got)
 
 
 def test_closing_cuts_off_whoever_is_connected_and_frees_the_port():
     async def scenario(endpoint: MetricsEndpoint) -> None:
         reader, writer = await asyncio.open_connection("127.0.0.1", endpoint.port)
-        await asyncio.sleep(0.01)
+        while not endpoint.waiting:
+            await asyncio.sleep(0.01)
         port = endpoint.port
         await endpoint.close()
         with pytest.raises(OSError):
