@@ -188,7 +188,7 @@ def test_removing_what_is_not_there_is_no_failure(machine: Machine) -> None:
 def test_a_running_systemd_is_told_before_the_service_is_started(machine: Machine) -> None:
     words = [step.words for step in machine.of("imu0", live=True).install()]
     reload = next(k for k, word in enumerate(words) if "systemctl daemon-reload" in word)
-    start = next(k for k, word in enumerate(words) if "systemctl enable --now quavelet@imu0.service" in word)
+    start = next(k for k, word in enumerate(words) if "systemctl enable --now --no-block quavelet@imu0.service" in word)
     assert reload < start
     assert max(k for k, word in enumerate(words) if word.startswith("write ")) < reload
 
@@ -201,7 +201,7 @@ def test_a_machine_without_udev_gets_its_service_all_the_same(machine: Machine) 
 
     there = Installation("imu0", PROGRAM, machine.root, True, no_udev)
     carry_out(there.install(), say=machine.said.append, dry_run=False)
-    assert machine.commands[-1] == "systemctl enable --now quavelet@imu0.service"
+    assert machine.commands[-1] == "systemctl enable --now --no-block quavelet@imu0.service"
     assert any("not installed: the rule holds from" in words for words in machine.said)
 
 

@@ -27,13 +27,21 @@ Config = Annotated[Path | None, typer.Option("--config", help="A TOML settings f
 Json = Annotated[bool, typer.Option("--json", help="JSON lines even on a terminal.")]
 Duration = Annotated[float | None, typer.Option("--duration", help="Stop after this many seconds.", min=0.01)]
 Record = Annotated[Path | None, typer.Option("--record", help="Write a recording to this file.", show_default=False)]
+WaitForDevice = Annotated[
+    bool, typer.Option("--wait-for-device", help="Keep trying while the chip does not answer at the start.")
+]
 VirtualTime = Annotated[
     bool, typer.Option("--virtual-time", help="On a fake bus: as fast as the machine can, on a clock of its own.")
 ]
 
 
 def settings_of(
-    bus: str | None, address: str | None, config: Path | None, accept_id: str | None = None
+    bus: str | None,
+    address: str | None,
+    config: Path | None,
+    accept_id: str | None = None,
+    *,
+    wait_for_device: bool = False,
 ) -> LoadedSettings:
     """The settings with these options on top. Raises SettingsError; what is no number is a usage error."""
     options: dict[str, Value] = {}
@@ -43,6 +51,8 @@ def settings_of(
         options["bus.address"] = _number(address, "is not an address: write it as 0x68", "--address")
     if accept_id is not None:
         options["bus.accept_id"] = _number(accept_id, "is not a WHO_AM_I: write it as 0x7d", "--accept-id")
+    if wait_for_device:
+        options["service.wait_for_device"] = True
     return load_settings(config, options=options)
 
 

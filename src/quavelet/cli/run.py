@@ -5,6 +5,7 @@ from __future__ import annotations
 import faulthandler
 import os
 import signal
+import stat
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
@@ -43,12 +44,13 @@ def run(
     json: options.Json = False,
     duration: options.Duration = None,
     record: options.Record = None,
+    wait_for_device: options.WaitForDevice = False,
     virtual_time: options.VirtualTime = False,
 ) -> None:
     """Give the attitude until stopped: a live panel on a terminal, JSON lines when piped or with --json."""
 
     def load() -> Settings:
-        return options.settings_of(bus, address, config, accept_id).settings
+        return options.settings_of(bus, address, config, accept_id, wait_for_device=wait_for_device).settings
 
     again = load if config else None
     name = config.stem if config and NAME.fullmatch(config.stem) else "imu"
@@ -138,6 +140,8 @@ def stopped_by_signals(stop: Callable[[], None]) -> Iterator[None]:
 
 
 def _subscribe_output(service: Service, stack: ExitStack, *, json: bool) -> None:
+    if _goes_nowhere(sys.stdout.fileno()):
+        return
     if json or not sys.stdout.isatty():
         service.messages.subscribe(STDOUT, JsonLines(sys.stdout.buffer), depth=QUEUE_DEPTH, policy=service.policy)
         return
@@ -150,6 +154,12 @@ def _subscribe_output(service: Service, stack: ExitStack, *, json: bool) -> None
     panel = stack.enter_context(LivePanel(Console(), status=status))
     # A panel shows the newest; it never needs a queue.
     service.messages.subscribe(STDOUT, panel, depth=1)
+
+
+def _goes_nowhere(descriptor: int) -> bool:
+    """Whether it is /dev/null, as in the unit: a hundred lines a second need not be made for that."""
+    device = os.fstat(descriptor)
+    return stat.S_ISCHR(device.st_mode) and device.st_rdev == Path(os.devnull).stat().st_rdev
 
 
 def _tell_ending(service: Service) -> int:

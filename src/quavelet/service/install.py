@@ -180,7 +180,10 @@ class Installation:
 
     def _enable(self, start: bool) -> Step:
         if self.live and start:
-            command, words = ["systemctl", "enable", "--now", self.service], "start the service, and at each start"
+            command, words = (
+                ["systemctl", "enable", "--now", "--no-block", self.service],
+                "start the service, and at each start",
+            )
             return self._command(f"{words} of the machine", command)
         command = ["systemctl", *self._offline(), "enable", self.service]
         return self._command("have the service started at the next start of the machine", command)

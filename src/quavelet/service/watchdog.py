@@ -74,7 +74,8 @@ class Watchdog:
         if valid:
             self._feed(now_ns)
         if self._due(now_ns):
-            self._tell(words(), patience=valid)
+            # Not at once: whether a chip is stuck shows only after a while.
+            self._tell(words(), patience=valid and self.state == self._told)
 
     def reloading(self) -> None:
         """The settings are read again; `reloaded` must follow."""

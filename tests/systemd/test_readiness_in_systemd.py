@@ -1,0 +1,143 @@
+"""What systemd makes of what the service tells it: ready, frozen, missing, reloaded."""
+
+from pathlib import Path
+
+import pytest
+from in_systemd import in_systemd
+
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("needs_systemd")]
+
+
+def test_it_is_ready_with_the_first_attitude_that_is_to_be_trusted_and_not_before(tmp_path: Path) -> None:
+    told = in_systemd(
+        tmp_path,
+        """
+        use_bus told:still
+        echo 'frozen for=4' > /run/faults
+        systemctl start --no-block quavelet@imu0
+        until_true 'property StatusText | grep -q "lost: the chip is stuck"'
+        property ActiveState
+        until_true '[ "$(property ActiveState)" = active ]'
+        property StatusText
+        """,
+    )
+    before, after = told.splitlines()
+    assert before == "activating"
+    assert after.startswith("running; roll ")
+
+
+def test_a_chip_that_freezes_is_restarted_by_the_watchdog_and_what_it_did_is_told(tmp_path: Path) -> None:
+    told = in_systemd(
+        tmp_path,
+        """
+        use_bus told:still
+        edit <<< $'[Service]\\nWatchdogSec=3\\nRestartSec=100ms'
+        systemctl start quavelet@imu0
+        sleep 4
+        echo "restarts while samples come: $(property NRestarts)"
+        echo frozen > /run/faults
+        until_true '[ "$(property NRestarts)" -ge 1 ]'
+        rm /run/faults
+        until_true '[ "$(property ActiveState)" = active ]'
+        told
+        """,
+    )
+    assert told.startswith("restarts while samples come: 0\n"), told
+    assert "Fatal Python error: Aborted" in told and "Current thread" in told  # and where it was
+
+
+def test_a_program_that_hangs_is_restarted_by_the_watchdog(tmp_path: Path) -> None:
+    told = in_systemd(
+        tmp_path,
+        """
+        edit <<< $'[Service]\\nWatchdogSec=1\\nRestartSec=100ms\\nTimeoutAbortSec=1'
+        systemctl start quavelet@imu0
+        kill -STOP "$(property MainPID)"
+        until_true '[ "$(property NRestarts)" -ge 1 ] && [ "$(property ActiveState)" = active ]'
+        echo back
+        """,
+    )
+    assert told == "back\n"
+
+
+def test_a_chip_that_is_frozen_from_the_start_is_given_up_and_tried_anew(tmp_path: Path) -> None:
+    told = in_systemd(
+        tmp_path,
+        """
+        use_bus told:still
+        echo frozen > /run/faults
+        edit <<< $'[Service]\\nTimeoutStartSec=3\\nRestartSec=100ms'
+        systemctl start --no-block quavelet@imu0
+        until_true '[ "$(property NRestarts)" -ge 1 ]'
+        property ActiveState
+        told
+        """,
+    )
+    assert told.startswith("activating\n"), told
+    assert "no axis has changed" in told
+
+
+def test_a_chip_that_is_missing_at_boot_holds_up_nothing_and_is_found_when_it_comes(tmp_path: Path) -> None:
+    told = in_systemd(
+        tmp_path,
+        """
+        use_bus told:still
+        touch /run/absent
+        edit <<< $'[Service]\\nTimeoutStartSec=3'
+        printf '[Unit]\\nWants=quavelet@imu0.service\\n' > /run/systemd/system/boot.target
+        systemctl daemon-reload
+        systemctl start boot.target
+        systemctl is-active boot.target
+        until_true 'property StatusText | grep -q "waiting for the chip"'
+        property StatusText
+        sleep 6
+        echo "$(property ActiveState) $(property NRestarts)"
+        rm /run/absent
+        until_true '[ "$(property ActiveState)" = active ]'
+        property NRestarts
+        told
+        """,
+    )
+    lines = told.splitlines()
+    assert lines[0] == "active", told
+    assert lines[1].startswith("waiting for the chip; no answer from address 0x68")
+    assert lines[2:4] == ["activating 0", "0"]  # twice the time to start has gone by
+    assert sum("no answer from address 0x68" in line for line in lines[4:]) == 1
+
+
+def test_a_stop_is_heeded_while_the_chip_is_missing(tmp_path: Path) -> None:
+    told = in_systemd(
+        tmp_path,
+        """
+        use_bus told:still
+        touch /run/absent
+        systemctl start --no-block quavelet@imu0
+        until_true 'property StatusText | grep -q "waiting for the chip"'
+        systemctl stop quavelet@imu0
+        echo "$(property ActiveState) $(property Result)"
+        """,
+    )
+    assert told == "inactive success\n"
+
+
+def test_a_reload_takes_good_settings_refuses_broken_ones_and_keeps_the_process(tmp_path: Path) -> None:
+    told = in_systemd(
+        tmp_path,
+        """
+        systemctl start quavelet@imu0
+        pid=$(property MainPID)
+        sed -i 's/^dlpf = .*/dlpf = 99/' /etc/quavelet/imu0.toml
+        systemctl reload quavelet@imu0
+        until_true 'property StatusText | grep -q "the old ones stay in force"'
+        property StatusText
+        sed -i 's/^dlpf = .*/dlpf = 4/' /etc/quavelet/imu0.toml
+        systemctl reload quavelet@imu0
+        until_true 'property StatusText | grep -q "only after a restart: chip.dlpf"'
+        echo "$(property ActiveState) $(property NRestarts) $([ "$pid" = "$(property MainPID)" ] && echo same)"
+        told
+        """,
+    )
+    first, second, *rest = told.splitlines()
+    assert "refused" in first and "/etc/quavelet/imu0.toml: chip" in first
+    assert second == "active 0 same"
+    assert any("the settings were read again; only after a restart: chip.dlpf" in line for line in rest)
