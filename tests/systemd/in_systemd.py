@@ -68,9 +68,9 @@ edit() {
     systemctl daemon-reload
 }
 property() { systemctl show --value -p "$1" quavelet@imu0; }
-# The condition, looked at for as long as ten seconds.
+# The condition, looked at for as long as twenty seconds.
 until_true() {
-    for _ in $(seq 200); do if eval "$1"; then return; fi; sleep 0.05; done
+    for _ in $(seq 400); do if eval "$1"; then return; fi; sleep 0.05; done
     echo "never: $1"; told; exit 1
 }
 told() { journalctl --sync; journalctl -u quavelet@imu0 --no-pager -o cat; }

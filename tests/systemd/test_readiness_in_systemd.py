@@ -66,7 +66,7 @@ def test_a_chip_that_is_frozen_from_the_start_is_given_up_and_tried_anew(tmp_pat
         """
         use_bus told:still
         echo frozen > /run/faults
-        edit <<< $'[Service]\\nTimeoutStartSec=3\\nRestartSec=100ms'
+        edit <<< $'[Service]\\nTimeoutStartSec=5\\nRestartSec=100ms'
         systemctl start --no-block quavelet@imu0
         until_true '[ "$(property NRestarts)" -ge 1 ]'
         property ActiveState
