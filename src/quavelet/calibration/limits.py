@@ -10,6 +10,7 @@ from quavelet.core.units import RAD_PER_DEG
 
 Number = int | float
 
+_LARGEST = 2**63
 _SIGMA = (0.0, 1.0)
 _RANGES: Mapping[str, tuple[float, float]] = {
     "chip.who_am_i": (0x01, 0xFE),
@@ -48,6 +49,8 @@ def check_finite(tables: object, *, key: str = "") -> None:
     elif isinstance(tables, list):
         for value in tables:
             check_finite(value, key=key)
+    elif isinstance(tables, int) and abs(tables) > _LARGEST:
+        raise CalibrationError(f"{key} is far too large a number: calibrate anew")
     elif isinstance(tables, float) and not isfinite(tables):
         raise CalibrationError(f"{key} = {tables} is not a finite number: calibrate anew")
 

@@ -21,6 +21,7 @@ import msgspec
 from quavelet.calibration.limits import check_finite, check_sane
 from quavelet.calibration.record import CalibrationRecord, ChipIdentity, reasons_worse
 from quavelet.core.errors import CalibrationError
+from quavelet.core.toml import parse_toml, read_text
 
 FORMAT = 1
 ROOM_BYTES = 65536
@@ -43,8 +44,8 @@ def as_toml(record: CalibrationRecord) -> str:
 def from_toml(text: str) -> CalibrationRecord:
     """The record of a file's text. Raises CalibrationError that names the key, or says what else is wrong."""
     try:
-        tables = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+        tables = parse_toml(text)
+    except ValueError as error:
         raise CalibrationError(f"it is not TOML ({error}): calibrate anew") from error
     if tables.pop("format", None) != FORMAT:
         raise CalibrationError(f"it is no calibration of format {FORMAT}: calibrate anew with this version")
@@ -67,11 +68,11 @@ def from_toml(text: str) -> CalibrationRecord:
 def load_record(path: Path) -> CalibrationRecord:
     """The record in a file. Raises CalibrationError that begins with the path."""
     try:
-        return from_toml(path.read_text(encoding="utf-8"))
+        return from_toml(read_text(path))
     except CalibrationError as error:
         raise CalibrationError(f"{path}: {error}") from error
-    except UnicodeDecodeError as error:
-        raise CalibrationError(f"{path}: it is not TOML (not UTF-8): calibrate anew") from error
+    except ValueError as error:
+        raise CalibrationError(f"{path}: it is not TOML ({error}): calibrate anew") from error
     except OSError as error:
         raise CalibrationError(f"{path}: cannot be read ({error.strerror}): give the path of a calibration") from error
 

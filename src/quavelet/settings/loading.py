@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,13 +10,13 @@ from typing import cast
 import msgspec
 
 from quavelet.core.errors import SettingsError
+from quavelet.core.toml import read_toml
 from quavelet.settings.checking import parse_settings
 from quavelet.settings.tables import Settings
 
 Value = str | int | float | bool
 Table = dict[str, "Value | Table"]
 Tables = dict[str, Table]
-LARGEST_FILE_BYTES = 1_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,16 +68,8 @@ def _names(table: Mapping[str, object], place: str = "") -> list[str]:
 
 def _read_toml(path: Path) -> dict[str, object]:
     try:
-        with path.open("rb") as file:
-            content = file.read(LARGEST_FILE_BYTES + 1)
-        if len(content) > LARGEST_FILE_BYTES:
-            raise SettingsError(f"{path}: is larger than {LARGEST_FILE_BYTES} bytes: give the path of a settings file")
-        return tomllib.loads(content.decode("utf-8"))
+        return read_toml(path)
     except OSError as error:
         raise SettingsError(f"{path}: cannot be read ({error.strerror}): give the path of a TOML file") from error
-    except RecursionError as error:
-        raise SettingsError(f"{path}: is nested far too deep: give the path of a settings file") from error
-    except SettingsError:
-        raise
     except ValueError as error:
         raise SettingsError(f"{path}: is not TOML: {error}") from error
