@@ -34,14 +34,14 @@ class Destination:
 class MqttSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """The broker of an output to "mqtt:" or "mqtts:".
 
-    topic              "auto": quavelet/NAME with the service's name
+    topic              "auto": quavelet/HOST/NAME with the service's name
     user               who we are to the broker; "": nobody
     password_file      a file that holds nothing but the password; "": none. Readable by the service's user alone
     ca_file            certificates that the broker's must be signed by (mqtts); "": those of the system
     certificate        our own, PEM, with its key in key_file; "": none
     key_file           of the certificate
     qos                how hard is tried: at most once, at least once, exactly once
-    client_id          "auto": quavelet-NAME
+    client_id          "auto": one of its own for every output of every machine
     home_assistant     announce the sensors to Home Assistant
     discovery_prefix   below which Home Assistant looks for them
     expire_after_s     without a message for so long Home Assistant shows them as unavailable
@@ -63,6 +63,8 @@ class MqttSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
         for key, text in (("topic", self.topic), ("discovery_prefix", self.discovery_prefix)):
             if not re.fullmatch(r"[A-Za-z0-9_.:-]+(/[A-Za-z0-9_.:-]+)*", text) or len(text) > 200:
                 raise SettingsError(f"{key} = {text!r} is no topic: use letters, digits, _ - . : and / between them")
+        if not self.user.isprintable() or len(self.user) > 128:
+            raise SettingsError("user does not fit: give at most 128 printable characters")
         if not re.fullmatch(r"[A-Za-z0-9_-]{1,64}", self.client_id):
             raise SettingsError(f"client_id = {self.client_id!r} does not fit: use 1 to 64 letters, digits, _ and -")
         if bool(self.certificate) != bool(self.key_file):
@@ -106,6 +108,8 @@ class OutputSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_f
             raise SettingsError(f"readers = {self.readers} does not fit: give 1 to 64")
         if self.mqtt != MqttSettings() and not self.is_mqtt:
             raise SettingsError(f"the table mqtt does not go with to = '{way}': it is for mqtt and mqtts only")
+        if self.is_mqtt and self.mqtt.home_assistant:
+            self._check_home_assistant()
 
     @property
     def destination(self) -> Destination:
@@ -126,6 +130,18 @@ class OutputSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_f
         if port == 0 and way != "tcp":
             raise SettingsError(f"to = {self.to!r}: there is no port 0, give 1 to 65535")
         return Destination(way, host=host, port=port)
+
+    def _check_home_assistant(self) -> None:
+        if self.encoding != "json":
+            raise SettingsError(
+                f"encoding = '{self.encoding}' is not for Home Assistant, which reads json: "
+                "write mqtt.home_assistant = false"
+            )
+        if 0.0 < self.rate_hz * self.mqtt.expire_after_s < 2.0:
+            raise SettingsError(
+                f"rate_hz = {self.rate_hz:g} is too slow for mqtt.expire_after_s = {self.mqtt.expire_after_s:g}: Home "
+                f"Assistant would show the sensors as unavailable; give expire_after_s {2.0 / self.rate_hz:g} or more"
+            )
 
     @property
     def is_mqtt(self) -> bool:

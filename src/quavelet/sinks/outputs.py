@@ -17,6 +17,7 @@ from quavelet.sinks.encodings.wall_time import offset_from
 from quavelet.sinks.output import Output
 from quavelet.sinks.plan import OutputPlan
 from quavelet.sinks.transport import Transport
+from quavelet.sinks.transports.mqtt import MqttTransport
 from quavelet.sinks.transports.tcp import TcpTransport
 from quavelet.sinks.transports.udp import UdpTransport
 from quavelet.sinks.transports.unix import UnixTransport
@@ -31,9 +32,11 @@ ENCODINGS: dict[str, Callable[[OutputPlan], Encoding]] = {
 }
 
 TRANSPORTS: dict[Way, Callable[[OutputPlan], Transport]] = {
-    "unix": UnixTransport,
+    "mqtt": MqttTransport,
+    "mqtts": MqttTransport,
     "tcp": TcpTransport,
     "udp": UdpTransport,
+    "unix": UnixTransport,
 }
 """stdout is not here: it is no business of the network's thread, since a pipe may block."""
 

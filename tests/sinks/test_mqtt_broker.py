@@ -1,0 +1,458 @@
+"""A real mosquitto that comes, goes, refuses and is impersonated; waits are real, short and bounded."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import logging
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import AsyncIterator, Coroutine
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+from mosquitto_broker import Broker, Listener, certificates, eventually, needs_mosquitto, soon
+from output_plans import MESSAGE, Service, mqtt_plan
+
+from quavelet.sinks.outputs import make_transport
+from quavelet.sinks.plan import OutputPlan
+from quavelet.sinks.transports.backoff import Backoff
+from quavelet.sinks.transports.mqtt import MqttTransport
+
+pytestmark = [
+    needs_mosquitto,
+    # paho leaves a socket whose TLS failed to the garbage collector.
+    pytest.mark.filterwarnings("ignore:.*ssl.SSLSocket:pytest.PytestUnraisableExceptionWarning"),
+]
+SECRET = "correct horse"
+
+
+def run(scenario: Coroutine[Any, Any, None]) -> None:
+    asyncio.run(asyncio.wait_for(scenario, 40.0))
+
+
+@asynccontextmanager
+async def opened(plan: OutputPlan) -> AsyncIterator[MqttTransport]:
+    transport = MqttTransport(plan, backoff=Backoff(first_s=0.05, most_s=0.2))
+    await transport.open()
+    try:
+        yield transport
+    finally:
+        await transport.close()
+
+
+def plan_for(
+    broker: Broker, *, service: Service | None = None, to: str = "mqtt:127.0.0.1", **mqtt: object
+) -> OutputPlan:
+    return mqtt_plan(f"{to}:{broker.port}", service=service, topic="t", **mqtt)
+
+
+def state_of(transport: MqttTransport) -> str:
+    return transport.stats().state
+
+
+async def connected(transport: MqttTransport) -> None:
+    assert await soon(lambda: state_of(transport) == "connected"), state_of(transport)
+
+
+async def payloads(transport: MqttTransport, first: int, last: int) -> None:
+    for number in range(first, last):
+        transport.send(f"{number}\n".encode())
+        await asyncio.sleep(0.002)
+
+
+@pytest.mark.parametrize("qos", [0, 1, 2])
+def test_what_is_sent_arrives_once_and_in_order_and_close_says_offline(qos: int, tmp_path: Path) -> None:
+    async def scenario(broker: Broker, listener: Listener) -> None:
+        async with opened(plan_for(broker, qos=qos)) as transport:
+            await connected(transport)
+            await payloads(transport, 0, 300)
+            assert await soon(lambda: listener.newest("t/status") == "online")
+        stats = transport.stats()
+        assert (stats.state, stats.sent, stats.lost) == ("closed", 300, 0)
+        assert await soon(lambda: listener.newest("t/status") == "offline")
+        assert listener.payloads("t/attitude") == [str(number) for number in range(300)]
+
+    with Broker(tmp_path) as broker, Listener(broker) as listener:
+        assert listener.is_ready()
+        run(scenario(broker, listener))
+
+
+def test_a_broker_that_is_killed_and_comes_back_loses_nothing_that_may_wait(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    async def scenario(broker: Broker) -> None:
+        async with opened(plan_for(broker)) as transport:
+            await connected(transport)
+            broker.kill()
+            await payloads(transport, 0, 200)
+            assert await soon(lambda: state_of(transport).startswith("waiting for the broker: "))
+            broker.start()
+            with Listener(broker) as listener:
+                # The listener may come after the first of them: those it would miss are on their way already.
+                await connected(transport)
+                assert await soon(lambda: transport.stats().sent == 200)
+                assert await soon(lambda: listener.newest("t/status") == "online")
+            assert transport.stats().lost == 0
+
+    with caplog.at_level(logging.WARNING), Broker(tmp_path) as broker:
+        run(scenario(broker))
+    assert len(caplog.messages) == 1, "an outage is told once, not once a try"
+
+
+def test_a_night_without_a_broker_costs_the_oldest_and_each_is_counted(tmp_path: Path) -> None:
+    async def scenario(broker: Broker) -> None:
+        async with opened(plan_for(broker)) as transport:
+            for number in range(5000):
+                transport.send(str(number).encode())
+            assert transport.stats().lost == 5000 - 256
+            with broker, Listener(broker, "t/attitude") as listener:
+                assert await soon(lambda: transport.stats().sent == 256)
+                transport.send(b"new")
+                assert await soon(lambda: listener.newest("t/attitude") == "new")
+        stats = transport.stats()
+        assert (stats.sent, stats.lost) == (257, 5000 - 256)
+
+    run(scenario(Broker(tmp_path)))
+
+
+def test_a_broker_that_stops_answering_keeps_nobody_waiting(tmp_path: Path) -> None:
+    async def scenario(broker: Broker) -> None:
+        async with opened(plan_for(broker)) as transport:
+            await connected(transport)
+            broker.freeze()
+            longest_s = 0.0
+            for number in range(3000):
+                begun_s = time.monotonic()
+                transport.send(bytes(400) + str(number).encode())
+                if number % 50 == 0:
+                    await asyncio.sleep(0)
+                longest_s = max(longest_s, time.monotonic() - begun_s)
+            stats = transport.stats()
+            assert stats.lost + 256 + 8 == 3000
+            # Far below the 10 s that a broker may take to answer: nothing waited for it.
+            assert longest_s < 1.0
+            broker.thaw()
+            assert await soon(lambda: transport.stats().sent == 264)
+
+    with Broker(tmp_path) as broker:
+        run(scenario(broker))
+
+
+def test_close_beside_a_broker_that_does_not_answer_is_over_in_two_seconds(tmp_path: Path) -> None:
+    async def scenario(broker: Broker) -> None:
+        async with opened(plan_for(broker)) as transport:
+            await connected(transport)
+            broker.freeze()
+            await payloads(transport, 0, 50)
+            begun_s = time.monotonic()
+        assert time.monotonic() - begun_s < 4.0
+        stats = transport.stats()
+        assert (stats.state, stats.sent + stats.lost) == ("closed", 50)
+        broker.thaw()
+
+    with Broker(tmp_path) as broker:
+        run(scenario(broker))
+
+
+def test_documents_stay_on_a_broker_and_come_back_to_one_that_forgot_them(tmp_path: Path) -> None:
+    async def scenario(broker: Broker) -> None:
+        async with opened(plan_for(broker)) as transport:
+            await connected(transport)
+            await documents(broker)
+            broker.kill()
+            broker.start()
+            await documents(broker)
+
+    async def documents(broker: Broker) -> None:
+        """To one who comes later, until all are there."""
+
+        def retained() -> set[str]:
+            with Listener(broker) as late:
+                late.is_ready()
+                time.sleep(0.1)
+                return {str(one["topic"]).replace(device(late), "ID") for one in late.heard() if one["retain"]}
+
+        def device(late: Listener) -> str:
+            return next((json.loads(text)["id"] for text in late.payloads("t/identity")), "?")
+
+        wanted = {"t/status", "t/identity", "homeassistant/device/ID/config"}
+        for _ in range(20):
+            found = await asyncio.to_thread(retained)
+            if found == wanted:
+                return
+            await asyncio.sleep(0.1)
+        raise AssertionError(found)
+
+    with Broker(tmp_path) as broker:
+        run(scenario(broker))
+
+
+def test_without_home_assistant_nothing_is_announced(tmp_path: Path) -> None:
+    async def scenario(broker: Broker, listener: Listener) -> None:
+        async with opened(plan_for(broker, home_assistant=False)) as transport:
+            await connected(transport)
+            assert await soon(lambda: listener.newest("t/diagnostics") is not None)
+        assert {one["topic"] for one in listener.heard()} == {"t/status", "t/identity", "t/diagnostics"}
+
+    with Broker(tmp_path) as broker, Listener(broker) as listener:
+        assert listener.is_ready()
+        run(scenario(broker, listener))
+
+
+def test_documents_are_published_anew_only_when_they_have_changed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("quavelet.sinks.transports.mqtt.DIAGNOSTICS_S", 0.1)
+    service = Service()
+
+    def move_clock(ns: int) -> None:
+        clock = msgspec.structs.replace(service.status.clock, offset_ns=service.status.clock.offset_ns + ns)
+        service.change(clock=clock)
+
+    async def rounds(listener: Listener, number: int) -> None:
+        seen = len(listener.heard("t/diagnostics"))
+        assert await soon(lambda: len(listener.heard("t/diagnostics")) >= seen + number)
+
+    async def scenario(broker: Broker, listener: Listener) -> None:
+        async with opened(plan_for(broker, service=service)) as transport:
+            await connected(transport)
+            move_clock(100_000)
+            await rounds(listener, 3)
+            assert len(listener.heard("t/identity")) == 1
+            move_clock(2_000_000_000)
+            service.change(message=msgspec.structs.replace(MESSAGE, yaw="magnetic"))
+            await rounds(listener, 3)
+        offsets = [json.loads(text)["clock"]["offset_ns"] for text in listener.payloads("t/identity")]
+        assert len(offsets) == 2
+        assert offsets[1] - offsets[0] == 2_000_100_000
+        announced = [
+            text for one in listener.heard() if "config" in str(one["topic"]) for text in [str(one["payload"])]
+        ]
+        assert ["Yaw (magnetic)" in text for text in announced] == [False, True]
+
+    with Broker(tmp_path) as broker, Listener(broker) as listener:
+        assert listener.is_ready()
+        run(scenario(broker, listener))
+
+
+PROGRAM = """
+import asyncio, sys
+from output_plans import mqtt_plan
+from quavelet.sinks.transports.mqtt import MqttTransport
+
+async def main():
+    transport = MqttTransport(mqtt_plan(sys.argv[1], topic="t"))
+    await transport.open()
+    await asyncio.sleep(60)
+
+asyncio.run(main())
+"""
+
+
+def test_a_service_that_is_killed_is_offline_by_its_last_will(tmp_path: Path) -> None:
+    with Broker(tmp_path) as broker, Listener(broker, "t/status") as listener:
+        command = [sys.executable, "-c", PROGRAM, f"mqtt:127.0.0.1:{broker.port}"]
+        with subprocess.Popen(command, env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}) as service:
+            assert eventually(lambda: listener.newest("t/status") == "online", within_s=20.0)
+            service.send_signal(signal.SIGKILL)
+        assert eventually(lambda: listener.newest("t/status") == "offline")
+
+
+def logging_in(tmp_path: Path, *, password: str) -> dict[str, object]:
+    path = tmp_path / "password"
+    path.write_text(password)
+    path.chmod(0o600)
+    return {"user": "imu", "password_file": str(path)}
+
+
+@pytest.fixture
+def guarded(tmp_path: Path) -> Broker:
+    """A broker that wants a password, and lets "imu" write below t only."""
+    if shutil.which("mosquitto_passwd") is None:
+        pytest.skip("no mosquitto_passwd: apt install mosquitto")
+    subprocess.run(["mosquitto_passwd", "-b", "-c", str(tmp_path / "users"), "imu", SECRET], check=True)
+    (tmp_path / "acl").write_text("user imu\ntopic readwrite t/#\n")
+    for name in ("users", "acl"):
+        (tmp_path / name).chmod(0o644)
+    return Broker(
+        tmp_path,
+        config=("allow_anonymous false", f"password_file {tmp_path}/users", f"acl_file {tmp_path}/acl", "user root"),
+    )
+
+
+def test_a_wrong_password_is_told_once_without_it_and_mended_without_a_restart(
+    guarded: Broker, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    async def scenario() -> None:
+        plan = plan_for(guarded, home_assistant=False, **logging_in(tmp_path, password="wrong horse"))
+        async with opened(plan) as transport:
+            assert await soon(lambda: "password" in state_of(transport))
+            await asyncio.sleep(0.7)
+            logging_in(tmp_path, password=SECRET)
+            await connected(transport)
+            transport.send(b"1")
+            assert await soon(lambda: transport.stats().sent == 1)
+
+    with caplog.at_level(logging.DEBUG), guarded:
+        run(scenario())
+    warned = [record for record in caplog.records if record.levelno >= logging.WARNING]
+    assert len(warned) == 1
+    assert "horse" not in caplog.text
+
+
+def test_what_the_access_list_refuses_is_lost_and_told_and_the_rest_goes_on(
+    guarded: Broker, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    async def scenario() -> None:
+        allowed = mqtt_plan(f"mqtt:127.0.0.1:{guarded.port}", topic="t", **logging_in(tmp_path, password=SECRET))
+        async with opened(allowed) as transport:
+            # Home Assistant's document is outside of t.
+            assert await soon(lambda: "homeassistant" in state_of(transport))
+            await payloads(transport, 0, 20)
+            assert await soon(lambda: transport.stats().sent == 20)
+        refused = mqtt_plan(f"mqtt:127.0.0.1:{guarded.port}", topic="other", **logging_in(tmp_path, password=SECRET))
+        async with opened(refused) as transport:
+            await payloads(transport, 0, 20)
+            assert await soon(lambda: transport.stats().lost == 20)
+            assert transport.stats().sent == 0
+            assert "access list" in state_of(transport)
+
+    with caplog.at_level(logging.WARNING), guarded:
+        run(scenario())
+    assert "refuses what is published" in caplog.text
+
+
+@pytest.fixture
+def tls(tmp_path: Path) -> Broker:
+    """A broker with a certificate for localhost."""
+    return tls_broker(tmp_path, "localhost")
+
+
+def tls_broker(folder: Path, host: str, *more: str) -> Broker:
+    if shutil.which("openssl") is None:
+        pytest.skip("no openssl: apt install openssl")
+    certificates(folder)
+    files = (f"cafile {folder}/ca.pem", f"certfile {folder}/{host}.pem", f"keyfile {folder}/{host}.key")
+    return Broker(folder, config=("allow_anonymous true", "user root", *files, *more))
+
+
+def test_a_broker_whose_certificate_holds_is_connected_to(tls: Broker, tmp_path: Path) -> None:
+    async def scenario() -> None:
+        async with opened(plan_for(tls, to="mqtts:localhost", ca_file=str(tmp_path / "ca.pem"))) as transport:
+            await connected(transport)
+            await payloads(transport, 0, 50)
+            assert await soon(lambda: transport.stats().sent == 50)
+
+    with tls:
+        run(scenario())
+
+
+@pytest.mark.parametrize(
+    ("to", "ca", "words"),
+    [
+        ("mqtts:localhost", "other-ca.pem", "certificate that does not hold"),
+        ("mqtts:localhost", "", "certificate that does not hold"),
+        ("mqtts:127.0.0.1", "ca.pem", "certificate that does not hold (IP address mismatch"),
+        ("mqtt:localhost", "", "ends the connection at once"),
+    ],
+)
+def test_a_broker_that_cannot_prove_who_it_is_gets_nothing_and_is_told_once(
+    to: str, ca: str, words: str, tls: Broker, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    async def scenario() -> None:
+        async with opened(plan_for(tls, to=to, ca_file=str(tmp_path / ca) if ca else "")) as transport:
+            transport.send(b"1")
+            assert await soon(lambda: words in state_of(transport)), state_of(transport)
+            await asyncio.sleep(0.5)
+            assert transport.stats().sent == 0
+
+    with caplog.at_level(logging.WARNING), tls:
+        run(scenario())
+    assert len(caplog.messages) == 1
+
+
+def test_a_certificate_for_another_host_does_not_hold(tmp_path: Path) -> None:
+    async def scenario(broker: Broker) -> None:
+        async with opened(plan_for(broker, to="mqtts:localhost", ca_file=str(tmp_path / "ca.pem"))) as transport:
+            assert await soon(lambda: "Hostname mismatch" in state_of(transport)), state_of(transport)
+
+    with tls_broker(tmp_path, "elsewhere") as broker:
+        run(scenario(broker))
+
+
+def test_a_broker_that_wants_a_certificate_of_ours_takes_it_and_only_it(tmp_path: Path) -> None:
+    async def scenario(broker: Broker) -> None:
+        ca = str(tmp_path / "ca.pem")
+        ours = {"certificate": str(tmp_path / "client.pem"), "key_file": str(tmp_path / "client.key")}
+        async with opened(plan_for(broker, to="mqtts:localhost", ca_file=ca)) as transport:
+            assert await soon(lambda: "waiting for the broker: " in state_of(transport))
+            await asyncio.sleep(0.5)
+            assert state_of(transport) != "connected"
+        async with opened(plan_for(broker, to="mqtts:localhost", ca_file=ca, **ours)) as transport:
+            await connected(transport)
+
+    with tls_broker(tmp_path, "localhost", "require_certificate true") as broker:
+        run(scenario(broker))
+
+
+def test_ten_megabytes_on_every_topic_of_ours_do_not_reach_us(tmp_path: Path) -> None:
+    async def scenario(broker: Broker) -> None:
+        async with opened(plan_for(broker)) as transport:
+            await connected(transport)
+            for topic in ("t/attitude", "t/status", "t/identity", "homeassistant/status"):
+                command = [
+                    "mosquitto_pub",
+                    "-h",
+                    "127.0.0.1",
+                    "-p",
+                    str(broker.port),
+                    "-q",
+                    "1",
+                    "-r",
+                    "-t",
+                    topic,
+                    "-s",
+                ]
+                process = await asyncio.create_subprocess_exec(*command, stdin=subprocess.PIPE)
+                await process.communicate(bytes(10_000_000))
+            await payloads(transport, 0, 50)
+            assert await soon(lambda: transport.stats().sent == 50)
+            assert state_of(transport) == "connected"
+
+    with Broker(tmp_path) as broker:
+        run(scenario(broker))
+
+
+def test_two_of_one_client_id_do_not_push_each_other_off_many_times_a_second(tmp_path: Path) -> None:
+    async def scenario(broker: Broker) -> None:
+        one = MqttTransport(plan_for(broker, client_id="same"), backoff=Backoff(first_s=0.1, most_s=60.0))
+        other = MqttTransport(plan_for(broker, client_id="same"), backoff=Backoff(first_s=0.1, most_s=60.0))
+        await one.open()
+        await connected(one)
+        await other.open()
+        assert await soon(lambda: "client_id" in state_of(one))
+        await connected(other)
+        await asyncio.sleep(0.5)
+        assert "client_id" in state_of(one)
+        assert state_of(other) == "connected"
+        await one.close()
+        await other.close()
+
+    with Broker(tmp_path) as broker:
+        run(scenario(broker))
+
+
+def test_an_output_to_mqtt_is_this_transport() -> None:
+    async def scenario() -> None:
+        assert isinstance(make_transport(mqtt_plan("mqtt:h")), MqttTransport)
+        assert isinstance(make_transport(mqtt_plan("mqtts:h")), MqttTransport)
+
+    run(scenario())
