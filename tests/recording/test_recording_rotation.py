@@ -1,23 +1,31 @@
 """Recordings that follow each other keep their bounds, each is complete, and nothing of others is touched."""
 
 import fcntl
+import os
 import shutil
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from threading import Event
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from recorded import INFO, SETTINGS, drains
+from recorded import INFO, SETTINGS, drains, record_fake
 
+from quavelet.core.blocks import Flag
 from quavelet.core.clock import VirtualClock
+from quavelet.core.health import Health
 from quavelet.core.units import NS_PER_S
+from quavelet.loop.hub import Hub
 from quavelet.mpu6050.drain import Drain
 from quavelet.mpu6050.stream import StreamInfo
 from quavelet.recording.format import MAGIC
 from quavelet.recording.reader import RecordingReader
+from quavelet.recording.replay import ReplaySource
 from quavelet.recording.rotation import Bounds, RotatingRecorder
 from quavelet.recording.writer import FLUSH_NS
 
@@ -38,7 +46,7 @@ OTHERS = {
 class Rig:
     """A recorder, what it told, and a clock of UTC that may be stepped."""
 
-    def __init__(self, folder: Path, bounds: Bounds) -> None:
+    def __init__(self, folder: Path, bounds: Bounds, *, fsync_s: float = 0.0) -> None:
         self.folder, self.told, self.utc = folder, list[str](), NOON
         self.recorder = RotatingRecorder(
             folder,
@@ -48,6 +56,7 @@ class Rig:
             clock=VirtualClock(),
             tell=self.told.append,
             utc_now=lambda: self.utc,
+            fsync_s=fsync_s,
         )
 
     @property
@@ -73,8 +82,8 @@ MakeRig = Callable[..., Rig]
 def make_rig(tmp_path: Path) -> Iterator[MakeRig]:
     rigs: list[Rig] = []
 
-    def make(bounds: Bounds = SMALL, *, folder: Path = tmp_path) -> Rig:
-        rigs.append(Rig(folder, bounds))
+    def make(bounds: Bounds = SMALL, *, folder: Path = tmp_path, fsync_s: float = 0.0) -> Rig:
+        rigs.append(Rig(folder, bounds, fsync_s=fsync_s))
         return rigs[-1]
 
     yield make
@@ -298,6 +307,49 @@ def test_drains_of_a_stream_that_nobody_knows_are_not_recorded_as_of_another(rig
     assert rig.recorder.stats().unwritten == 3
     rig.close()
     assert len(drains_in(rig.files)) == 3
+
+
+def test_a_card_that_is_busy_with_itself_costs_drains_that_are_counted_and_gaps_on_replay(
+    make_rig: MakeRig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    live = record_fake(tmp_path / "live.qrec", n=300)
+    rig = make_rig(replace(WIDE, file_bytes=5_000_000), fsync_s=0.5)
+    waits, busy, free = [0], Event(), Event()
+    real = os.fsync
+
+    def slow(fd: int) -> None:
+        waits[0] += 1
+        if waits[0] == 3:
+            busy.set()
+            assert free.wait(60)
+        real(fd)
+
+    monkeypatch.setattr(os, "fsync", slow)
+    with Hub[StreamInfo | Drain]() as hub:
+        hub.subscribe("recordings", rig.recorder, depth=40)
+        for published, item in enumerate(live.items):
+            if published == 250:
+                free.set()
+            # Before and after the wait the recorder keeps up.
+            while not busy.is_set() or free.is_set():
+                (stats,) = hub.stats()
+                if stats.delivered + stats.lost > published - 20:
+                    break
+                time.sleep(0.001)
+            hub.publish(item)
+        free.set()
+    lost = hub.stats()[0].lost
+    assert rig.recorder.stats().missed == lost > 0
+    (path,) = rig.files
+    reader, health = RecordingReader(path), Health()
+    source = ReplaySource(reader, health=health)
+    flags = 0
+    while (block := source.read()) is not None:
+        flags |= int(np.bitwise_or.reduce(block.flags)) if len(block) else 0
+    reader.check()
+    assert flags & Flag.GAP
+    assert health.gaps == 1
+    assert health.samples + health.samples_lost == pytest.approx(live.health.samples, abs=2)
 
 
 def test_drains_that_the_disk_was_too_slow_for_are_counted(rig: Rig) -> None:
