@@ -230,9 +230,19 @@ def test_what_is_not_ours_is_neither_counted_nor_deleted(make_rig: MakeRig, tmp_
     rig.write(INFO, *slow_drains(200))
     rig.close()
     assert rig.recorder.stats().deleted > 3
+    own = [path for path in rig.files if path.is_file() and not path.is_symlink()]
+    assert rig.recorder.stats().used_bytes == sum(path.stat().st_size for path in own)
     assert rig.told == []
     assert set(before) <= {path.name for path in tmp_path.iterdir()}
     assert len(elsewhere.read_bytes()) == len(MAGIC) + 100_000
+
+
+def test_a_file_that_was_replaced_meanwhile_is_not_deleted(rig: Rig) -> None:
+    rig.write(INFO, *slow_drains(60))
+    oldest = rig.files[0]
+    oldest.write_bytes(b"mine")
+    rig.write(*slow_drains(200, first=60))
+    assert oldest.read_bytes() == b"mine"
 
 
 def test_a_file_that_another_program_is_writing_is_not_deleted(make_rig: MakeRig) -> None:
