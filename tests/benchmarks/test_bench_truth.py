@@ -83,7 +83,7 @@ def rmse_deg(q: np.ndarray, trial: dict[str, np.ndarray], after_s: float) -> flo
 @pytest.mark.benchmark
 @pytest.mark.timeout(1800)
 @pytest.mark.parametrize(
-    "every", [pytest.param(5, id="every fifth trial"), pytest.param(1, id="all trials", marks=pytest.mark.slow)]
+    "every", [pytest.param(8, id="every eighth trial"), pytest.param(1, id="all trials", marks=pytest.mark.slow)]
 )
 @pytest.mark.parametrize("set_name", ["broad", "openaxes"])
 def test_inclination_error_on_trials_with_measured_truth(set_name, every, capsys):

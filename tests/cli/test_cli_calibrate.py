@@ -84,8 +84,8 @@ def test_run_finds_the_calibration_by_the_chip_and_says_so(calibrated, tmp_path)
     env = {**os.environ, "XDG_CONFIG_HOME": str(tmp_path)}
     done = quavelet("run", "--bus", "fake:bench:7", "--virtual-time", "--duration", 4, env=env)
     assert any(str(place) in line and record.made.utc in line for line in done.said), done.err
-    last = json.loads(done.lines[-1])
-    assert float(np.linalg.norm(last["accel_m_s2"])) == pytest.approx(STANDARD_GRAVITY_M_S2, rel=3e-3)
+    forces = np.mean([json.loads(line)["accel_m_s2"] for line in done.lines[-100:]], axis=0)
+    assert float(np.linalg.norm(forces)) == pytest.approx(STANDARD_GRAVITY_M_S2, rel=3e-3)
     other = quavelet("run", "--bus", "fake:bench:8", "--virtual-time", "--duration", 1, env=env)
     assert not any(str(place) in line for line in other.said)
 

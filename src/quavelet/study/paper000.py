@@ -153,8 +153,8 @@ def _gated_rows(e: Errors, pid: FloatArray, *, full: bool) -> list[Row]:
     largest, p95 = _largest(late), np.percentile(np.abs(late).max(axis=1), 95.0, axis=0)
     limits = (0.008, 0.008, 0.001)
     rows = [
-        Row("0g", f"still, gated from 20 s on, largest, {axis}", got=float(largest[i]), unit="deg",
-            high=limits[i] if full else np.inf)
+        Row("0g", f"still, gated from 20 s on, largest, {axis}", got=float(largest[i]), unit="deg", low=0.0,
+            high=limits[i] if full else 2.0 * limits[i])
         for i, axis in enumerate(AXES)
     ]  # fmt: skip
     for i, axis in enumerate(AXES[:2]):
