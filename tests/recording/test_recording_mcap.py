@@ -4,6 +4,7 @@ import io
 import json
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -218,6 +219,29 @@ def test_replay_converts_from_the_command_line(qrec: Path, tmp_path: Path) -> No
     file = read(out.read_bytes())
     assert len(file.topics["/imu/data_raw"]) > 500
     assert file.metadata["src"] == "fake:turntable"
+
+
+def test_a_run_writes_what_it_says_while_it_says_it(tmp_path: Path) -> None:
+    out = tmp_path / "live.mcap"
+    program = "from quavelet.cli.app import main; main()"
+    how = ["run", "--bus", "fake:tilt", "--virtual-time", "--json", "--duration", "3", "--mcap", str(out)]
+    begun_ns = time.time_ns()
+    ran = subprocess.run([sys.executable, "-c", program, *how], capture_output=True, text=True, timeout=60)
+    assert ran.returncode == 0, ran.stderr
+    file, said = read(out.read_bytes()), [json.loads(line) for line in ran.stdout.splitlines()]
+    offset_ns = int(file.metadata["offset_ns"])
+    assert begun_ns <= offset_ns <= time.time_ns()
+    assert [t_ns - offset_ns for t_ns, _ in file.topics["/imu/data"]] == [message["t_ns"] for message in said]
+    for (_, felt), message in zip(file.topics["/imu/data"], said, strict=True):
+        assert [felt["orientation"][name] for name in "wxyz"] == message["q"]
+        assert three(felt["angular_velocity"]) == message["gyro_rad_s"]
+        assert three(felt["linear_acceleration"]) == message["accel_m_s2"]
+        sigma = np.radians(message["sigma_deg"])
+        assert np.allclose(np.diag(np.reshape(felt["orientation_covariance"], (3, 3))), sigma**2, rtol=1e-9)
+    assert any("settling" in text for text in file.log)
+    validator = Draft202012Validator(file.schemas["/log"][1])
+    for _, message in file.topics["/log"]:
+        validator.validate(message)
 
 
 def test_a_recording_whose_start_is_no_time_is_refused(tmp_path: Path) -> None:

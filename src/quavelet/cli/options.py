@@ -30,6 +30,7 @@ Record = Annotated[Path | None, typer.Option("--record", help="Write a recording
 WaitForDevice = Annotated[
     bool, typer.Option("--wait-for-device", help="Keep trying while the chip does not answer at the start.")
 ]
+Mcap = Annotated[Path | None, typer.Option("--mcap", help="Write an MCAP file for Foxglove, too.", show_default=False)]
 VirtualTime = Annotated[
     bool, typer.Option("--virtual-time", help="On a fake bus: as fast as the machine can, on a clock of its own.")
 ]

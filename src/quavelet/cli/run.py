@@ -9,6 +9,7 @@ import stat
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from importlib.metadata import version
 from math import isinf
 from pathlib import Path
 from types import FrameType
@@ -27,13 +28,18 @@ from quavelet.loop.deadline import LoopStats
 from quavelet.loop.hub import Hub
 from quavelet.mpu6050.drain import Drain
 from quavelet.mpu6050.stream import StreamInfo
+from quavelet.recording.mcap import McapWriter
 from quavelet.service import recordings
 from quavelet.service.notify import Notify
 from quavelet.service.service import QUEUE_DEPTH, STDOUT, Service
 from quavelet.settings import Settings
 from quavelet.settings.service import NAME
+from quavelet.sinks.encodings.wall_time import offset_from
 from quavelet.sinks.json_lines import JsonLines
+from quavelet.sinks.mcap_file import McapFile
 from quavelet.sinks.message import Message
+
+MCAP = "mcap"
 
 
 def run(
@@ -44,6 +50,7 @@ def run(
     json: options.Json = False,
     duration: options.Duration = None,
     record: options.Record = None,
+    mcap: options.Mcap = None,
     wait_for_device: options.WaitForDevice = False,
     virtual_time: options.VirtualTime = False,
 ) -> None:
@@ -56,7 +63,14 @@ def run(
     name = config.stem if config and NAME.fullmatch(config.stem) else "imu"
     raise typer.Exit(
         run_live(
-            load(), json=json, duration_s=duration, record=record, virtual_time=virtual_time, load=again, name=name
+            load(),
+            json=json,
+            duration_s=duration,
+            record=record,
+            mcap=mcap,
+            virtual_time=virtual_time,
+            load=again,
+            name=name,
         )
     )
 
@@ -68,6 +82,7 @@ def run_live(
     duration_s: float | None,
     record: Path | None,
     virtual_time: bool,
+    mcap: Path | None = None,
     load: Callable[[], Settings] | None = None,
     name: str = "imu",
 ) -> int:
@@ -83,7 +98,7 @@ def run_live(
         settings,
         clock=clock,
         talk=talk,
-        console=lambda service, stack: _subscribe_output(service, stack, json=json),
+        console=lambda service, stack: _subscribe_outputs(service, stack, json=json, mcap=mcap),
         record=record,
         name=name,
         realtime=not virtual_time,
@@ -104,6 +119,9 @@ def run_live(
     if failure is not None and not service.streamed:
         raise failure
     code = max(_tell_ending(service), _recording_outcome(service.records, record) if record else exits.OK)
+    if MCAP in (failures := service.messages.failures()):
+        talk(f"the MCAP file is not complete: {failures[MCAP]}")
+        code = exits.FAILED
     if failure is not None:
         raise failure
     return code
@@ -137,6 +155,15 @@ def stopped_by_signals(stop: Callable[[], None]) -> Iterator[None]:
     finally:
         for number, old in before.items():
             signal.signal(number, old)
+
+
+def _subscribe_outputs(service: Service, stack: ExitStack, *, json: bool, mcap: Path | None) -> None:
+    if mcap is not None:
+        offset_ns, axes = offset_from(service.clock)(), service.settings.mounting.axes
+        about = {"src": service.settings.bus.name, "version": version("quavelet")}
+        writer = McapWriter(mcap, offset_ns=offset_ns, axes=axes, about=about)
+        service.messages.subscribe(MCAP, McapFile(writer), depth=QUEUE_DEPTH, policy=service.policy)
+    _subscribe_output(service, stack, json=json)
 
 
 def _subscribe_output(service: Service, stack: ExitStack, *, json: bool) -> None:

@@ -13,13 +13,13 @@ Times are UTC by the offset that `offset_ns` says, one for the whole file, so th
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from datetime import UTC, datetime, timedelta
 from importlib.metadata import version
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, NamedTuple, Self
 
 import msgspec
 import numpy as np
@@ -52,6 +52,19 @@ _NO_ROTATION = words.Rotation(0.0, 0.0, 0.0, 1.0)
 _encode = msgspec.json.Encoder().encode
 
 
+class Sample(NamedTuple):
+    """The attitude at one instant, as a row of an `AttitudeBlock`; `flags` and `yaw` are words."""
+
+    t_ns: int
+    q: Sequence[float]
+    sigma_rad: Sequence[float]
+    gyro_rad_s: Sequence[float]
+    accel_m_s2: Sequence[float]
+    flags: Sequence[str]
+    yaw: str
+    gap_ns: int
+
+
 class McapWriter:
     """A new MCAP file at `path`; a context manager. One that was never closed has no index, but can be read.
 
@@ -67,8 +80,9 @@ class McapWriter:
         self._offset_ns = offset_ns
         self._axes = axes
         self._mounted = False
-        self._flags: int | None = None
-        self._yaw_from: int | None = None
+        self._flags: Sequence[str] | None = None
+        self._yaw = ""
+        self._names: dict[int, list[str]] = {}
         self._sequence = 0
         try:
             self._file = path.open("xb")
@@ -84,13 +98,13 @@ class McapWriter:
         """The attitude of each sample; what is doubtful where that changes."""
         self._guarded(lambda: self._write_attitude(block))
 
+    def write_sample(self, sample: Sample) -> None:
+        """One of these."""
+        self._guarded(lambda: self._write_sample(sample))
+
     def write_raw(self, block: RawBlock) -> None:
         """What the chip gave, scaled by its ranges."""
         self._guarded(lambda: self._write_raw(block))
-
-    def log(self, t_ns: int, text: str, *, warning: bool = False) -> None:
-        """A line of the log."""
-        self._guarded(lambda: self._log(t_ns, text, warning=warning))
 
     def close(self) -> None:
         """Write the index and close the file. May be called twice."""
@@ -121,19 +135,33 @@ class McapWriter:
         self._file.close()
 
     def _write_attitude(self, block: AttitudeBlock) -> None:
-        gyro, accel = block.gyro_rad_s.tolist(), block.accel_m_s2.tolist()
-        for i, (t_ns, q, sigma) in enumerate(
-            zip(block.t_ns.tolist(), block.q.tolist(), block.sigma_rad.tolist(), strict=True)
-        ):
-            self._mount_at(t_ns)
-            self._tell_doubt(t_ns, block, i)
-            time = words.time_of(t_ns + self._offset_ns)
-            turned = words.Rotation(q[1], q[2], q[3], q[0])
-            self._put("/attitude", t_ns, words.FrameTransform(time, WORLD, BODY, turned))
-            felt = words.Imu(
-                words.Header(time, BODY), turned, covariance_of(sigma), words.Vector(*gyro[i]), words.Vector(*accel[i])
-            )
-            self._put("/imu/data", t_ns, felt)
+        rows = zip(
+            block.t_ns.tolist(),
+            block.q.tolist(),
+            block.sigma_rad.tolist(),
+            block.gyro_rad_s.tolist(),
+            block.accel_m_s2.tolist(),
+            block.flags.tolist(),
+            block.yaw_from.tolist(),
+            block.gap_ns.tolist(),
+            strict=True,
+        )
+        for t_ns, q, sigma, gyro, accel, flags, yaw_from, gap_ns in rows:
+            if flags not in self._names:
+                self._names[flags] = Flag.names(flags)
+            yaw = YawFrom(yaw_from).name.lower()
+            self._write_sample(Sample(t_ns, q, sigma, gyro, accel, self._names[flags], yaw, gap_ns))
+
+    def _write_sample(self, sample: Sample) -> None:
+        t_ns, (w, x, y, z) = sample.t_ns, sample.q
+        self._mount_at(t_ns)
+        self._tell_doubt(sample)
+        time = words.time_of(t_ns + self._offset_ns)
+        turned = words.Rotation(x, y, z, w)
+        self._put("/attitude", t_ns, words.FrameTransform(time, WORLD, BODY, turned))
+        gyro, accel = words.Vector(*sample.gyro_rad_s), words.Vector(*sample.accel_m_s2)
+        header = words.Header(time, BODY)
+        self._put("/imu/data", t_ns, words.Imu(header, turned, covariance_of(sample.sigma_rad), gyro, accel))
 
     def _write_raw(self, block: RawBlock) -> None:
         counts = block.counts.astype(np.float64)
@@ -155,17 +183,16 @@ class McapWriter:
         time = words.time_of(t_ns + self._offset_ns)
         self._put("/mounting", t_ns, words.FrameTransform(time, BODY, CHIP, words.Rotation(x, y, z, w)))
 
-    def _tell_doubt(self, t_ns: int, block: AttitudeBlock, i: int) -> None:
-        flags, yaw_from, gap_ns = int(block.flags[i]), int(block.yaw_from[i]), int(block.gap_ns[i])
-        if flags != self._flags or gap_ns:
-            self._flags = flags
-            text = ", ".join(Flag.names(flags)) or "all is well"
-            if gap_ns:
-                text += f": {gap_ns / NS_PER_MS:.1f} ms without samples before this one"
-            self._log(t_ns, text, warning=bool(flags))
-        if yaw_from != self._yaw_from:
-            self._yaw_from = yaw_from
-            self._log(t_ns, f"yaw is {YawFrom(yaw_from).name.lower()} from here on", warning=False)
+    def _tell_doubt(self, sample: Sample) -> None:
+        if sample.flags != self._flags or sample.gap_ns:
+            self._flags = sample.flags
+            text = ", ".join(sample.flags) or "all is well"
+            if sample.gap_ns:
+                text += f": {sample.gap_ns / NS_PER_MS:.1f} ms without samples before this one"
+            self._log(sample.t_ns, text, warning=bool(sample.flags))
+        if sample.yaw != self._yaw:
+            self._yaw = sample.yaw
+            self._log(sample.t_ns, f"yaw is {sample.yaw} from here on", warning=False)
 
     def _log(self, t_ns: int, text: str, *, warning: bool) -> None:
         level = _WARNING if warning else _INFO
@@ -190,7 +217,7 @@ class McapWriter:
         return RecordingError(f"{self.path} cannot be written ({error.strerror}): make room, or give another place")
 
 
-def covariance_of(sigma_rad: list[float]) -> words.Nine:
+def covariance_of(sigma_rad: Sequence[float]) -> words.Nine:
     """Of a small rotation about the world's x, y, z from one sigma of each; where one is not known, NOT_MEASURED."""
     if not all(math.isfinite(sigma) for sigma in sigma_rad):
         return words.NOT_MEASURED
