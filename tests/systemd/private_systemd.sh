@@ -38,7 +38,7 @@ exec /opt/quavelet/python/bin/python3 "\$@"
 P
 cat > "$Q/venv/bin/quavelet" <<P
 #!/bin/sh
-exec /opt/quavelet/venv/bin/python -c 'from quavelet.cli.app import main; main()' "\$@"
+exec /opt/quavelet/venv/bin/python -c 'import sys; sys.argv[0] = "/opt/quavelet/venv/bin/quavelet"; from quavelet.cli.app import main; main()' "\$@"
 P
 chmod 755 "$Q"/venv/bin/*
 
