@@ -126,6 +126,20 @@ def test_settings_that_were_changed_are_never_overwritten(machine: Machine) -> N
     assert any("imu0.toml.new" in words for words in machine.said)
 
 
+def test_the_network_is_opened_only_for_outputs_that_need_it(machine: Machine) -> None:
+    machine.install()
+    config, opened = machine.root / "etc/quavelet/imu0.toml", "etc/systemd/system/quavelet@imu0.service.d/network.conf"
+    config.write_text('[output.here]\nto = "unix:/run/quavelet/here.sock"\n')
+    machine.install()
+    assert opened not in machine.files
+    for text in ('[output.a]\nto = "mqtt:broker"\n', '[service]\nmetrics = "127.0.0.1:9650"\n'):
+        config.write_text(text)
+        machine.install()
+        assert machine.files[opened] == shipped("network.conf")
+        machine.remove()
+        assert opened not in machine.files
+
+
 def test_settings_that_cannot_be_are_told_before_anything_is_done(machine: Machine) -> None:
     machine.install()
     (machine.root / "etc/quavelet/imu0.toml").write_text("[bus]\nadress = 1\n")

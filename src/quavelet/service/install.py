@@ -16,13 +16,14 @@ import msgspec
 from quavelet.service.i2c_on import i2c_advice
 from quavelet.service.program import Program
 from quavelet.service.steps import InstallError, Run, Step, run_command, write_file
-from quavelet.settings import BusSettings, load_settings
+from quavelet.settings import BusSettings, Settings, load_settings
 from quavelet.settings.reference import example
 
 USER = "quavelet"
 GROUP = "i2c"
 UNIT = "quavelet@.service"
 RULE = "60-quavelet.rules"
+NETWORK = "network.conf"
 PLACE = "/opt/quavelet/venv/bin/quavelet"
 """The program in the unit as it is shipped."""
 
@@ -71,6 +72,10 @@ class Installation:
         return self.root / "etc/udev/rules.d" / RULE
 
     @property
+    def network(self) -> Path:
+        return self.root / "etc/systemd/system" / f"{self.service}.d" / NETWORK
+
+    @property
     def recordings(self) -> Path:
         return self.root / "var/lib/quavelet"
 
@@ -82,8 +87,8 @@ class Installation:
         why_not = self.program.why_not()
         if why_not is not None:
             raise InstallError(why_not)
-        if chip is None:
-            chip = load_settings(self.config if self.config.exists() else None).settings.bus
+        there = load_settings(self.config if self.config.exists() else None).settings
+        chip = there.bus if chip is None else chip
         unit = shipped(UNIT).replace(PLACE, str(self.program.path))
         sample = _with_value(example(), "name", msgspec.json.encode(chip.name).decode())
         sample = _with_value(sample, "address", f"0x{chip.address:02x}")
@@ -93,6 +98,7 @@ class Installation:
             self._settings(sample),
             self._file(self.unit, unit, "the unit; own changes belong into `systemctl edit`"),
             self._file(self.rule, shipped(RULE), "the udev rule that lets the group keep the processors awake"),
+            *self._network(there),
             *self._told_udev(),
             *self._told_systemd(),
             self._enable(start),
@@ -105,6 +111,8 @@ class Installation:
         if self.unit.exists():
             how = ["disable", "--now"] if self.live else [*self._offline(), "disable"]
             steps.append(self._command("stop and disable the service", ["systemctl", *how, self.service]))
+        if self.network.exists():
+            steps.append(self._gone(self.network))
         others = sorted({link.name for link in self.unit.parent.glob("*.wants/quavelet@*")} - {self.service})
         if others:
             steps.append(Step(f"leave the unit, the udev rule and the user: {', '.join(others)} needs them"))
@@ -165,6 +173,13 @@ class Installation:
         if path.read_text(encoding="utf-8", errors="replace") == text:
             return Step(f"{path} is there, as shipped")
         return Step(f"replace {path}, which differs: {what}", lambda: write_file(path, text))
+
+    def _network(self, settings: Settings) -> list[Step]:
+        """What lets it use the network, where its outputs do."""
+        ways = {output.destination.way for output in settings.output.values()}
+        if not settings.service.metrics and ways <= {"stdout", "unix"}:
+            return []
+        return [self._file(self.network, shipped(NETWORK), "the settings have outputs over the network")]
 
     def _told_udev(self) -> list[Step]:
         if not self.live:
