@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import os
 import shutil
 import signal
 import socket
@@ -67,6 +68,12 @@ class Broker:
             self._process.kill()
             self._process.wait()
             self._process = None
+
+    def cpu_s(self) -> float:
+        """Processor time it has used."""
+        assert self._process is not None
+        fields = Path(f"/proc/{self._process.pid}/stat").read_text().rpartition(")")[2].split()
+        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
     def freeze(self) -> None:
         """Its port goes on accepting, as the system does that, and nothing is answered."""
