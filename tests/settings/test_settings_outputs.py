@@ -72,6 +72,27 @@ def test_two_outputs_on_stdout_would_mix_their_lines(tmp_path: Path) -> None:
         load_settings(path)
 
 
+@pytest.mark.parametrize(
+    ("tables", "words"),
+    [
+        ("", "outputs 'a' and 'b' have one topic at h: give one an mqtt.topic"),
+        ('mqtt.topic = "other"', "outputs 'a' and 'b' announce one board"),
+        ('mqtt.topic = "other"\nmqtt.home_assistant = false', ""),
+        ('mqtt.topic = "other"\nencoding = "influx"', "write mqtt.home_assistant = false"),
+        ("rate_hz = 0.1", "rate_hz = 0.1 is too slow for mqtt.expire_after_s = 10"),
+    ],
+)
+def test_two_outputs_at_one_broker_would_write_over_each_other(tables: str, words: str, tmp_path: Path) -> None:
+    path = tmp_path / "imu.toml"
+    path.write_text(f'[output.a]\nto = "mqtt:h"\n[output.b]\nto = "mqtts:h"\n{tables}\n')
+    if not words:
+        assert len(load_settings(path).settings.output) == 2
+        return
+    with pytest.raises(SettingsError) as told:
+        load_settings(path)
+    assert words in str(told.value)
+
+
 def test_each_value_of_an_output_has_an_origin(tmp_path: Path) -> None:
     path = tmp_path / "imu.toml"
     path.write_text('[output.home]\nto = "mqtt:here"\n[output.home.mqtt]\nqos = 0\n')

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -149,7 +150,7 @@ class OutputSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_f
 
 
 def output_faults(outputs: dict[str, OutputSettings]) -> list[str]:
-    """What is wrong with the outputs' names, and with their number; a sentence each."""
+    """What is wrong with the outputs' names, with their number, and with two together; a sentence each."""
     faults = [
         f"[output.{name!r}]: an output's name has 1 to 32 letters, digits, _ and -"
         for name in outputs
@@ -160,4 +161,21 @@ def output_faults(outputs: dict[str, OutputSettings]) -> list[str]:
     stdout = [name for name, output in outputs.items() if output.to == "stdout"]
     if len(stdout) > 1:
         faults.append(f"outputs {' and '.join(map(repr, stdout))} all go to stdout: leave one")
-    return faults
+    return [*faults, *_broker_faults(outputs)]
+
+
+def _broker_faults(outputs: dict[str, OutputSettings]) -> Iterable[str]:
+    """Of outputs that would write over each other at one broker."""
+    topics: dict[tuple[str, str], str] = {}
+    announced: dict[tuple[str, str], str] = {}
+    for name, output in outputs.items():
+        if not output.is_mqtt:
+            continue
+        mqtt, host = output.mqtt, output.destination.host
+        other = topics.setdefault((host, mqtt.topic), name)
+        if other != name:
+            yield f"outputs {other!r} and {name!r} have one topic at {host}: give one an mqtt.topic of its own"
+        elif mqtt.home_assistant:
+            other = announced.setdefault((host, mqtt.discovery_prefix), name)
+            if other != name:
+                yield f"outputs {other!r} and {name!r} announce one board: write mqtt.home_assistant = false in one"
