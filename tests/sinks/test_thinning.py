@@ -35,7 +35,7 @@ def test_the_mean_rate_is_the_one_asked_for_however_uneven_the_messages_come(see
     random = Random(seed)
     thinning = Thinning(rate_hz=hz)
     went = sum(thinning.take(at(1.0 + k / 100 + random.uniform(-0.002, 0.002))) is not None for k in range(1_000))
-    assert abs(went - 10 * hz) <= 2
+    assert abs(went - 10 * hz) <= 3
     assert went + thinning.left_out == 1_000
 
 

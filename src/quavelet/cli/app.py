@@ -11,7 +11,7 @@ from typing import Annotated, Any
 
 import typer
 
-from quavelet.cli import align, calibrate, config, demo, doctor, exits, replay, report, reproduce, run, service
+from quavelet.cli import align, calibrate, config, demo, doctor, exits, replay, report, reproduce, run, service, status
 from quavelet.core.errors import ImuError
 
 app = typer.Typer(
@@ -30,6 +30,8 @@ app.command("align")(align.align)
 app.command("report")(report.report)
 app.command("reproduce")(reproduce.reproduce)
 app.command("config")(config.config)
+app.command("status")(status.show_status)
+app.command("watch")(status.show_messages)
 app.add_typer(service.app, name="service")
 
 

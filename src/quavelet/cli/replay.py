@@ -21,7 +21,8 @@ from quavelet.pipeline import build_pipeline, tell_uncalibrated_magnetometer
 from quavelet.recording.mcap import McapWriter, offset_of
 from quavelet.recording.reader import RecordingReader
 from quavelet.recording.replay import ReplaySource, paced
-from quavelet.service.service import QUEUE_DEPTH, STDOUT
+from quavelet.service.outputs import STDOUT
+from quavelet.service.service import QUEUE_DEPTH
 from quavelet.settings import Settings
 from quavelet.sinks.json_lines import JsonLines
 from quavelet.sinks.message import Message, message_of

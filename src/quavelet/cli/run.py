@@ -31,11 +31,11 @@ from quavelet.mpu6050.stream import StreamInfo
 from quavelet.recording.mcap import McapWriter
 from quavelet.service import recordings
 from quavelet.service.notify import Notify
-from quavelet.service.service import QUEUE_DEPTH, STDOUT, Service
+from quavelet.service.outputs import STDOUT
+from quavelet.service.service import QUEUE_DEPTH, Service
 from quavelet.settings import Settings
 from quavelet.settings.service import NAME
 from quavelet.sinks.encodings.wall_time import offset_from
-from quavelet.sinks.json_lines import JsonLines
 from quavelet.sinks.mcap_file import McapFile
 from quavelet.sinks.message import Message
 
@@ -104,6 +104,7 @@ def run_live(
         realtime=not virtual_time,
         notify=Notify.from_environment(os.environ, talk=talk),
         load=load,
+        environ=os.environ,
     )
     if service.watchdog.wanted:
         # What hung when the watchdog ended it (SIGABRT) stands in the journal.
@@ -170,7 +171,8 @@ def _subscribe_output(service: Service, stack: ExitStack, *, json: bool) -> None
     if _goes_nowhere(sys.stdout.fileno()):
         return
     if json or not sys.stdout.isatty():
-        service.messages.subscribe(STDOUT, JsonLines(sys.stdout.buffer), depth=QUEUE_DEPTH, policy=service.policy)
+        sink = service.outputs.stdout(sys.stdout.buffer)
+        service.messages.subscribe(STDOUT, sink, depth=QUEUE_DEPTH, policy=service.policy)
         return
 
     def status() -> Status:

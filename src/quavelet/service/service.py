@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from pathlib import Path
+from time import monotonic_ns
 
 from quavelet.bus.open import open_bus, open_line
 from quavelet.bus.protocol import I2CBus
@@ -20,15 +21,16 @@ from quavelet.recording.rotation import RotatingRecorder
 from quavelet.recording.writer import RecordingWriter
 from quavelet.service import recordings
 from quavelet.service.notify import Notify
+from quavelet.service.outputs import STDOUT, Outputs
 from quavelet.service.reload import Reading, changes, with_hot
+from quavelet.service.status import status_of
 from quavelet.service.watchdog import Watchdog
 from quavelet.settings import Settings
 from quavelet.settings.service import AUTO
 from quavelet.sinks.message import Message, message_of
+from quavelet.sinks.status import Status
 
 QUEUE_DEPTH = 256
-STDOUT = "stdout"
-"""The subscriber whose end is the end of the service: nobody reads any more."""
 TRY_AGAIN_NS, LOOK_NS = 2 * NS_PER_S, 100 * NS_PER_MS
 """How often a chip that is not there is tried for, and how soon a stop is heeded meanwhile."""
 TELL_AGAIN_NS = 600 * NS_PER_S
@@ -42,7 +44,8 @@ class Service:
     caller's own (standard output), and gets a stack that is closed at the end, after the hubs.
     name is its own where the settings say "auto". realtime asks for the real-time settings of the loop; without it
     (virtual time) nothing is ever lost to a slow reader, the loop waits for it. notify is how systemd is told; load
-    reads the settings again for a reload, off the loop; opened opens the bus.
+    reads the settings again for a reload, off the loop; opened opens the bus; environ has the places that systemd and
+    the desktop give. Raises SettingsError for an output that cannot be.
     """
 
     def __init__(
@@ -58,6 +61,7 @@ class Service:
         notify: Notify | None = None,
         load: Callable[[], Settings] | None = None,
         opened: Callable[[str, Clock], I2CBus] | None = None,
+        environ: Mapping[str, str] | None = None,
     ) -> None:
         self.settings = settings
         self.name = name if settings.service.name == AUTO else settings.service.name
@@ -70,6 +74,19 @@ class Service:
         self.records: Hub[StreamInfo | Drain] = Hub()
         self.policy = Policy.LOSE_OLDEST if realtime else Policy.WAIT
         self.watchdog = Watchdog(notify or Notify(), clock=clock)
+        self._environ = environ or {}
+        self._began_ns = monotonic_ns()
+        self._read_ns = 0
+        self.outputs = Outputs(
+            settings,
+            name=self.name,
+            messages=self.messages,
+            clock=clock,
+            talk=talk,
+            status=self.status,
+            environ=self._environ,
+            virtual=not realtime,
+        )
         self._load = load
         self._opened = opened or (lambda name, clock: open_bus(name, clock=clock))
         self._console = console
@@ -110,7 +127,8 @@ class Service:
         """
         try:
             with ExitStack() as stack:
-                self._open_outputs(stack)
+                # Before the chip is there, for they can say so; they end with the hub.
+                self.outputs.open()
                 stack.callback(self.messages.close)
                 self._open_recording(stack)
                 while not self._attempt(stack, until_ns):
@@ -152,6 +170,7 @@ class Service:
             message = message_of(block, src=imu.bus.name) if len(block) else None
             if message is not None:
                 self.last = message
+                self.outputs.drained(message, self._read_ns)
                 self.messages.publish(message)
                 if STDOUT in self.messages.failures():
                     return
@@ -212,7 +231,7 @@ class Service:
                 raise read
             found, merged = changes(self.settings, read), with_hot(self.settings, read)
             if found.hot:
-                self._change_outputs(merged)
+                self.outputs.change(merged)
             self.settings = merged
         except ImuError as error:
             refused = f"the settings are refused, the old ones stay in force: {error}"
@@ -221,12 +240,24 @@ class Service:
         self.talk(found.in_words())
         return found.in_words() if found.restart else ""
 
-    def _open_outputs(self, stack: ExitStack) -> None:
-        """The outputs, the control socket and the status: begun before the chip is there, for they can say so, and
-        ended through the stack after the last message."""
+    def status(self) -> Status:
+        """All that is known of it at this moment; may be called on any thread."""
+        return status_of(
+            self.imu,
+            settings=self.settings,
+            name=self.name,
+            state=self.state,
+            message=self.last,
+            latency=self.outputs.latency,
+            outputs=self.outputs.statuses(),
+            recording=recordings.status_of(self.recorder.stats()) if self.recorder else None,
+            began_ns=self._began_ns,
+            environ=self._environ,
+        )
 
-    def _change_outputs(self, settings: Settings) -> None:
-        """The outputs of these settings in the place of the old ones; the loop goes on meanwhile."""
+    def _on_drain(self, drain: Drain) -> None:
+        self._read_ns = self.clock.now_ns()
+        self.records.publish(drain)
 
     def _open_recording(self, stack: ExitStack) -> None:
         settings = self.settings
@@ -256,7 +287,7 @@ class Service:
             clock=self.clock,
             line=line,
             on_stream=self.records.publish,
-            on_drain=self.records.publish,
+            on_drain=self._on_drain,
             on_note=self.talk,
         )
         if self._stopped:

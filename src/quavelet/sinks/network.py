@@ -10,7 +10,7 @@ import asyncio
 import logging
 import threading
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Coroutine, Iterable
 from concurrent.futures import TimeoutError as FutureTimeoutError
 from contextlib import suppress
 from typing import Protocol
@@ -83,6 +83,7 @@ class Network:
         self._runs: dict[Part, asyncio.Task[None]] = {}
         self._open: dict[Part, asyncio.Future[str]] = {}
         self._failures: dict[Part, str] = {}
+        self._tasks: set[asyncio.Task[None]] = set()
         self._mistaken: set[str] = set()
         self._failed = 0
         self._closed = False
@@ -94,6 +95,10 @@ class Network:
     def add(self, part: Part) -> None:
         """Open a part, and again later should it fail."""
         self._call(self._add, part)
+
+    def replace(self, old: Iterable[Part], new: Iterable[Part]) -> None:
+        """Close parts, then open others, which may be in their places; returns at once."""
+        self._call(lambda: self._hold(self._replace(tuple(old), tuple(new))))
 
     def remove(self, part: Part, timeout_s: float = CLOSE_S) -> None:
         """Close a part; returns when it is closed, or after `timeout_s`."""
@@ -129,7 +134,7 @@ class Network:
             return
         self._closed = True
         if self._thread.is_alive():
-            self._loop.call_soon_threadsafe(lambda: self._loop.create_task(self._finish()))
+            self._loop.call_soon_threadsafe(lambda: self._hold(self._finish()))
             self._thread.join(2 * CLOSE_S)
         else:
             self._loop.close()
@@ -185,6 +190,17 @@ class Network:
     def _add(self, part: Part) -> None:
         if part not in self._runs:
             self._runs[part] = self._loop.create_task(self._keep_open(part))
+
+    async def _replace(self, old: tuple[Part, ...], new: tuple[Part, ...]) -> None:
+        await asyncio.gather(*(self._remove(part) for part in old))
+        for part in new:
+            self._add(part)
+
+    def _hold(self, work: Coroutine[None, None, None]) -> None:
+        """Begin it; the loop itself holds a task only weakly."""
+        task = self._loop.create_task(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
 
     async def _remove(self, part: Part) -> None:
         run = self._runs.pop(part, None)

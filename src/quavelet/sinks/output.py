@@ -19,18 +19,20 @@ class Output:
         self._encoding = encoding
         self._transport = transport
         self._thinning = thinning_of(plan)
+        self._sent = 0
 
     async def open(self) -> None:
         await self._transport.open()
 
     def write(self, message: Message) -> bool:
-        """Whether the message went on to its transport."""
+        """Whether anything went out."""
         taken = self._thinning.take(message)
         payload = b"" if taken is None else self._encoding.encode(taken)
         if not payload:
             return False
         self._transport.send(payload)
-        return True
+        before, self._sent = self._sent, self._transport.stats().sent
+        return self._sent > before
 
     async def close(self) -> None:
         await self._transport.close()

@@ -25,6 +25,8 @@ class Thinning:
         self._dead_band_deg = dead_band_deg
         self._keep_alive_ns = round(keep_alive_s * NS_PER_S)
         self._due_ns = 0
+        self._before_ns = 0
+        self._step_ns = 0
         self._last: Message | None = None
         self._flags: dict[str, None] = {}
         self._gap_ns = 0
@@ -49,8 +51,12 @@ class Thinning:
         return message
 
     def _is_early(self, message: Message) -> bool:
-        """Whether it comes more than half a period before it is due."""
-        return self._last is not None and 2 * (self._due_ns - message.t_ns) > self._period_ns
+        """Whether the next message is likely to come closer to when one is due."""
+        if self._last is not None:
+            # From one message to the next, on the average of the last few.
+            self._step_ns += (min(message.t_ns - self._before_ns, self._period_ns) - self._step_ns) // 8
+        self._before_ns = message.t_ns
+        return self._last is not None and 2 * (self._due_ns - message.t_ns) > self._step_ns
 
     def _says_nothing_new(self, message: Message) -> bool:
         last = self._last

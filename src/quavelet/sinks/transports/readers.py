@@ -43,7 +43,11 @@ class Reader(asyncio.BufferedProtocol):
         # Above it `send` writes nothing more; the mark only keeps asyncio from calling pause_writing.
         transport.set_write_buffer_limits(high=2 * MOST_WAITING_BYTES)
         if not self._readers.admit(self):
-            transport.abort()
+            self.turned_away()
+
+    def turned_away(self) -> None:
+        """There was no place."""
+        self.abort()
 
     def get_buffer(self, sizehint: int) -> memoryview:
         del sizehint
@@ -124,7 +128,7 @@ class Readers:
         self._readers.add(reader)
         self._empty.clear()
         if self._latest:
-            self._send_to(reader, self._latest)
+            self.send_to(reader, self._latest)
         return True
 
     def gone(self, reader: Reader) -> None:
@@ -136,7 +140,7 @@ class Readers:
         """To all, and to who comes before the next."""
         self._latest = payload
         for reader in tuple(self._readers):
-            self._send_to(reader, payload)
+            self.send_to(reader, payload)
 
     async def close(self) -> None:
         """Let what waits go, for a moment; then close all. Nobody is let in any more."""
@@ -161,9 +165,12 @@ class Readers:
             bytes=self._bytes,
         )
 
-    def _send_to(self, reader: Reader, payload: bytes) -> None:
-        if reader.send(payload):
+    def send_to(self, reader: Reader, payload: bytes) -> bool:
+        """To one; whether it will go."""
+        went = reader.send(payload)
+        if went:
             self._sent += 1
             self._bytes += len(payload)
         else:
             self._lost += 1
+        return went
