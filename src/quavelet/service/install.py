@@ -136,7 +136,8 @@ class Installation:
         return steps
 
     def _states(self) -> list[Path]:
-        return sorted(self.recordings.glob(f"{self.name}.state*"))
+        folders = (self.recordings, self.root / "run/quavelet")
+        return sorted(path for folder in folders for path in folder.glob(f"{self.name}.state*"))
 
     def _group(self) -> Step:
         if self._is_in("group", GROUP):
