@@ -105,3 +105,4 @@ def test_a_heading_that_nothing_gives_is_none():
 def test_a_board_on_its_stern_has_no_heading():
     assert ship(message(board(pitch_deg=-89.9), yaw="true")).heading_deg is None
     assert ship(message(yaw="true", sigma_deg=(0.5, 0.5, 40.0))).heading_deg is None
+    assert ship(message(board(pitch_deg=-90.0), yaw="true")).sigma_deg == pytest.approx((180.0, 0.5, 180.0))

@@ -97,6 +97,7 @@ def test_no_name_can_add_a_tag_a_field_or_a_line(name, src, flags):
     _, tags, fields, t_ns = point(message(src=src, flags=flags), name=name)
     assert set(tags) <= {"name", "src", "yaw"}
     assert len(fields) == 25 and t_ns == T_NS + offset_ns()
+    assert fields["flags"] == "".join(c if c.isprintable() else "_" for c in ",".join(flags))
     assert tags.get("src", "") == readable(src) and tags.get("name", "") == readable(name)
 
 

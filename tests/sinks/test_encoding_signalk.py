@@ -148,6 +148,12 @@ def test_a_heading_that_is_lost_or_changes_its_name_does_not_stand_for_ever():
     ]
 
 
+def test_a_heading_that_was_never_sent_is_not_taken_back():
+    encoding = SignalK(name="imu0", offset_ns=offset_ns)
+    told = [message(yaw="magnetic", flags=["field_lost"]), message(yaw="magnetic", flags=["field_lost"]), message()]
+    assert not any("heading" in path for one in told for path in values(one, encoding))
+
+
 def test_doubt_is_a_notification_when_it_changes_and_every_ten_seconds():
     encoding, told = SignalK(name="imu0", offset_ns=offset_ns), []
     for tenth in range(350):
