@@ -245,6 +245,25 @@ def test_a_file_that_was_replaced_meanwhile_is_not_deleted(rig: Rig) -> None:
     assert oldest.read_bytes() == b"mine"
 
 
+@pytest.mark.parametrize("digits", [18, 100])
+def test_a_number_however_high_is_gone_on_from(make_rig: MakeRig, tmp_path: Path, digits: int) -> None:
+    high = tmp_path / f"imu-{'9' * digits}-20261122T110000Z.qrec"
+    high.write_bytes(MAGIC + bytes(30_000))
+    rig = make_rig()
+    rig.write(INFO, *slow_drains(200))
+    assert not high.exists(), "the oldest, though its name is longer"
+    assert sum(path.stat().st_size for path in tmp_path.iterdir()) <= SMALL.total_bytes
+    assert min(int(path.name.split("-")[1]) for path in tmp_path.iterdir()) > int("9" * digits)
+
+
+def test_a_number_that_no_name_can_follow_stops_the_recording_and_says_so(make_rig: MakeRig, tmp_path: Path) -> None:
+    room = 255 - len("imu--20261122T110000Z.qrec")
+    (tmp_path / f"imu-{'9' * room}-20261122T110000Z.qrec").write_bytes(MAGIC)
+    rig = make_rig()
+    rig.write(INFO, *slow_drains(3))
+    assert "cannot be written (File name too long)" in rig.told[0]
+
+
 def test_a_file_that_another_program_is_writing_is_not_deleted(make_rig: MakeRig) -> None:
     other = make_rig()
     other.write(INFO, *slow_drains(20))

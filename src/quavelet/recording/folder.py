@@ -42,7 +42,7 @@ class RecordingFolder:
         self.used_bytes = 0
         self.deleted = 0
         self._name = name
-        self._pattern = re.compile(re.escape(name) + r"-(\d{6,18})-\d{8}T\d{6}Z" + re.escape(SUFFIX), re.ASCII)
+        self._pattern = re.compile(re.escape(name) + r"-(\d{6,})-\d{8}T\d{6}Z" + re.escape(SUFFIX), re.ASCII)
         self._total_bytes = total_bytes
         self._keep_free_bytes = keep_free_bytes
         self._last = 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -144,7 +145,7 @@ class RotatingRecorder:
         self._newest_ns = item.after_ns
         try:
             writer = self._writer_for(item)
-        except RecordingError as error:
+        except (RecordingError, OSError) as error:
             self._fail(error)
             writer = None
         if writer is None:
@@ -153,7 +154,7 @@ class RotatingRecorder:
         self._drains += 1
         try:
             writer.write(item)
-        except RecordingError as error:
+        except (RecordingError, OSError) as error:
             self._fail(error)
         else:
             self._tell_of_recovery(item.after_ns)
@@ -162,7 +163,7 @@ class RotatingRecorder:
         """End the file that is being written."""
         try:
             self._end_file()
-        except RecordingError as error:
+        except (RecordingError, OSError) as error:
             self._fail(error)
 
     def _take_stream(self, info: StreamInfo | None) -> None:
@@ -173,7 +174,7 @@ class RotatingRecorder:
                 self._end_file()
             elif self._writer is not None:
                 self._writer.begin(info)
-        except RecordingError as error:
+        except (RecordingError, OSError) as error:
             self._fail(error)
 
     def _writer_for(self, drain: Drain) -> RecordingWriter | None:
@@ -209,7 +210,8 @@ class RotatingRecorder:
             writer.begin(info)
         except RecordingError:
             # Nothing is in it.
-            path.unlink(missing_ok=True)
+            with suppress(OSError):
+                path.unlink(missing_ok=True)
             raise
         self._files += 1
         self._stopped, self._failed_ns = "", None
@@ -229,7 +231,7 @@ class RotatingRecorder:
             self._writer.close()
             self._writer = None
 
-    def _fail(self, error: RecordingError) -> None:
+    def _fail(self, error: Exception) -> None:
         writer, self._writer = self._writer, None
         if writer is not None:
             self._unwritten += writer.drains_waiting
