@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from sink_messages import T_NS, broken_messages, message, messages, offset_ns
 
@@ -92,6 +92,7 @@ def test_a_message_is_read_back_with_all_its_numbers(told):
     assert fields["gap_ns"] == told.gap_ns and isinstance(fields["gap_ns"], int)
 
 
+@example("a\\", "b\\", ["\\", '"\\"', "\\n"])
 @given(st.text(), st.text(), st.lists(st.text(min_size=1), max_size=3))
 def test_no_name_can_add_a_tag_a_field_or_a_line(name, src, flags):
     _, tags, fields, t_ns = point(message(src=src, flags=flags), name=name)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from sink_messages import message
 
@@ -15,6 +15,7 @@ from quavelet.sinks.encodings.doubt import Told, in_words, plain
 from quavelet.sinks.encodings.wall_time import iso_time, offset_from, time_of_day
 
 
+@example("x" * 200)
 @given(st.text())
 def test_a_name_is_short_and_of_plain_letters_whatever_it_was(name):
     safe = plain(name)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import struct
 import time
 from typing import get_args
 
@@ -15,7 +16,8 @@ from sink_messages import FLAGS, T_NS, broken_messages, message, messages
 
 from quavelet.core.clock import VirtualClock
 from quavelet.core.errors import SettingsError
-from quavelet.core.units import NS_PER_MS
+from quavelet.core.units import NS_PER_MS, NS_PER_S
+from quavelet.imu import open_imu
 from quavelet.settings import OutputSettings
 from quavelet.settings.outputs import EncodingName
 from quavelet.sinks.encoding import Encoding
@@ -82,6 +84,29 @@ def test_what_is_no_number_is_null_in_json(told):
 def test_a_stuck_chip_does_not_look_like_a_healthy_one(name):
     encoding = made(name)
     assert encoding.encode(message(flags=["stuck"])) != encoding.encode(message())
+
+
+def test_a_fake_chip_is_withheld_until_it_has_settled_and_then_has_its_tilt_in_every_encoding():
+    clock = VirtualClock()
+    encodings = {name: made(name) for name in ("nmea", "signalk", "influx", "opentrack")}
+    sent: dict[str, list[bytes]] = {name: [] for name in encodings}
+    last = None
+    with open_imu("fake:tilt", clock=clock) as imu:
+        for last in imu.messages(until_ns=4 * NS_PER_S):
+            settling = "settling" in last.flags
+            for name, encoding in encodings.items():
+                sent[name].append(encoding.encode(last))
+            assert (sent["opentrack"][-1] == b"") == settling
+            assert (b"XDR" in sent["nmea"][-1]) == (not settling)
+            assert (b'"navigation.attitude","value":null' in sent["signalk"][-1]) == settling
+            assert (b"settling" in sent["influx"][-1]) == settling
+    assert last is not None and not last.flags
+    assert b"" in sent["opentrack"]
+    roll_deg = struct.unpack("<6d", sent["opentrack"][-1])[5]
+    assert roll_deg == last.roll_deg
+    assert f",A,{roll_deg:.2f},D,ROLL*".encode() in sent["nmea"][-1]
+    assert not any(b"HDM" in one or b"HDT" in one for one in sent["nmea"])
+    assert b"src=fake:tilt,yaw=relative " in sent["influx"][-1]
 
 
 @pytest.mark.benchmark
