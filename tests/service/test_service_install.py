@@ -207,6 +207,26 @@ def test_a_running_systemd_is_told_before_the_service_is_started(machine: Machin
     assert max(k for k, word in enumerate(words) if word.startswith("write ")) < reload
 
 
+def test_what_runs_as_before_after_an_update_is_told(machine: Machine) -> None:
+    machine.install()
+    unit = machine.root / "etc/systemd/system/quavelet@.service"
+    unit.write_text(unit.read_text().replace("WatchdogSec=30", "WatchdogSec=40"))
+    words = [step.words for step in machine.of("imu0", live=True).install()]
+    assert "to do: sudo systemctl restart quavelet@imu0.service, which runs as before until then" in words
+    assert f"replace {unit}, which differs" in " ".join(words)
+    machine.install()
+    words = [step.words for step in machine.of("imu0", live=True).install()]
+    assert not any("restart" in word for word in words)
+
+
+def test_a_card_without_the_program_is_told(machine: Machine) -> None:
+    told = "to do: put the program where it is here, /usr/bin/env, below "
+    assert any(step.words.startswith(told) for step in machine.of("imu0").install())
+    (machine.root / "usr/bin").mkdir(parents=True)
+    (machine.root / "usr/bin/env").write_text("")
+    assert not any(step.words.startswith(told) for step in machine.of("imu0").install())
+
+
 def test_a_machine_without_udev_gets_its_service_all_the_same(machine: Machine) -> None:
     def no_udev(command: Sequence[str]) -> None:
         if command[0] == "udevadm":
@@ -237,7 +257,15 @@ def test_a_name_that_could_lead_elsewhere_is_refused(machine: Machine, name: str
 
 
 @pytest.mark.parametrize(
-    "path", ["/home/pi/venv/bin/quavelet", "/root/q/quavelet", "/tmp/q/quavelet", "/usr/a b/quavelet", "quavelet"]
+    "path",
+    [
+        "/usr/no/such/quavelet",
+        "/home/pi/venv/bin/quavelet",
+        "/root/q/quavelet",
+        "/tmp/q/quavelet",
+        "/usr/a b/quavelet",
+        "quavelet",
+    ],
 )
 def test_a_program_that_the_service_does_not_see_is_refused_with_what_to_do(machine: Machine, path: str) -> None:
     there = Installation("imu0", Program(Path(path)), machine.root, False, machine.run)
@@ -258,7 +286,7 @@ def test_a_folder_that_others_may_not_enter_is_told(monkeypatch: pytest.MonkeyPa
     why_not = Program(tmp_path / "quavelet").why_not()
     assert why_not is not None
     # pytest's own folders above it are shut, too.
-    assert re.match(r"\S+ is shut to the service's user: put it where every user can read it", why_not)
+    assert re.match(r"\S+ is not there, or shut to the service's user: put it where every user can read it", why_not)
 
 
 def test_the_program_found_is_one_that_can_be_run() -> None:
@@ -302,7 +330,7 @@ def test_the_bus_of_settings_that_are_there_is_looked_at(machine: Machine) -> No
     machine.install()
     assert [words for words in machine.said if words.startswith("to do: there is no /dev/i2c-7")]
     machine.install(chip=BusSettings(name="fake:tilt"))
-    assert not machine.said[-1].startswith("to do: ")
+    assert "/dev/i2c" not in machine.said[-1]
 
 
 def test_without_root_it_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:

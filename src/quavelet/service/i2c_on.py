@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import grp
+import stat
 from pathlib import Path
 
 CONFIG_FILES = ("boot/firmware/config.txt", "boot/config.txt")
 """Of the firmware, from Raspberry Pi OS 12 on and before."""
 FAST_HZ = 400_000
+GROUP = "i2c"
 _SWITCHES = ("i2c_arm", "i2c", "i2c1")
 _CLOCKS = ("i2c_arm_baudrate", "i2c_baudrate", "i2c1_baudrate")
 
@@ -15,6 +18,8 @@ def i2c_advice(number: int, *, root: Path = Path("/")) -> list[str]:
     """What stands between /dev/i2c-`number` and its use, a sentence each; none where all is well."""
     device = f"/dev/i2c-{number}"
     there = (root / device[1:]).exists()
+    if there and not _is_open_to_group(root / device[1:]):
+        return [f"{device} is not open to the group i2c: sudo apt install i2c-tools, and reboot"]
     firmware = next((root / name for name in CONFIG_FILES if (root / name).is_file()), None)
     if firmware is None:
         return [] if there else [f"there is no {device}: switch the bus on, and load its driver: modprobe i2c-dev"]
@@ -29,6 +34,17 @@ def i2c_advice(number: int, *, root: Path = Path("/")) -> list[str]:
     if number == 1 and (not clock.isdecimal() or int(clock) < FAST_HZ):
         return [f"the bus is slow: add the line dtparam=i2c_arm_baudrate={FAST_HZ} to {shown}, and reboot"]
     return []
+
+
+def _is_open_to_group(device: Path) -> bool:
+    """Whether the group i2c may use it, as the udev rule of i2c-tools has it; what is no device is not asked."""
+    found = device.stat()
+    if not stat.S_ISCHR(found.st_mode):
+        return True
+    try:
+        return grp.getgrgid(found.st_gid).gr_name == GROUP and found.st_mode & 0o060 == 0o060
+    except KeyError:
+        return False
 
 
 def _dtparams(path: Path) -> dict[str, str]:

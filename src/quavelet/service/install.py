@@ -13,14 +13,13 @@ from pathlib import Path
 
 import msgspec
 
-from quavelet.service.i2c_on import i2c_advice
+from quavelet.service.i2c_on import GROUP, i2c_advice
 from quavelet.service.program import Program
 from quavelet.service.steps import InstallError, Run, Step, run_command, write_file
 from quavelet.settings import BusSettings, Settings, load_settings
 from quavelet.settings.reference import example
 
 USER = "quavelet"
-GROUP = "i2c"
 UNIT = "quavelet@.service"
 RULE = "60-quavelet.rules"
 NETWORK = "network.conf"
@@ -102,7 +101,7 @@ class Installation:
             *self._told_udev(),
             *self._told_systemd(),
             self._enable(start),
-            *self._advice(chip.name),
+            *self._to_do(chip.name, unit),
         ]
 
     def remove(self, *, purge: bool) -> list[Step]:
@@ -204,11 +203,17 @@ class Installation:
         command = ["systemctl", *self._offline(), "enable", self.service]
         return self._command("have the service started at the next start of the machine", command)
 
-    def _advice(self, bus: str) -> list[Step]:
+    def _to_do(self, bus: str, unit: str) -> list[Step]:
+        """What is left to a person."""
+        todo: list[str] = []
+        if not (self.root / self.program.path.relative_to("/")).exists():
+            todo.append(f"put the program where it is here, {self.program.path}, below {self.root}")
+        if self.live and self.unit.exists() and self.unit.read_text(encoding="utf-8", errors="replace") != unit:
+            todo.append(f"sudo systemctl restart {self.service}, which runs as before until then")
         kind, _, number = bus.partition(":")
-        if kind != "linux" or not number.isdecimal():
-            return []
-        return [Step(f"to do: {advice}") for advice in i2c_advice(int(number), root=self.root)]
+        if kind == "linux" and number.isdecimal():
+            todo += i2c_advice(int(number), root=self.root)
+        return [Step(f"to do: {what}") for what in todo]
 
     def _gone(self, path: Path) -> Step:
         if not path.exists():

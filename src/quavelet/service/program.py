@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shutil
+import stat
 import sys
 import sysconfig
 from dataclasses import dataclass
@@ -36,7 +37,7 @@ class Program:
                     return f"{part} lies in {folder}, which the service does not see: {REMEDY}"
             shut = _shut(part)
             if shut is not None:
-                return f"{shut} is shut to the service's user: {REMEDY}"
+                return f"{shut} is not there, or shut to the service's user: {REMEDY}"
         return None
 
 
@@ -55,13 +56,13 @@ def this_program() -> Program:
 
 
 def _shut(part: Path) -> Path | None:
-    """The first on the way to `part` that others may not enter or read; None where they may."""
-    for folder in reversed(part.parents):
-        if not folder.stat().st_mode & 0o001:
-            return folder
-    try:
-        mode = part.stat().st_mode
-    except FileNotFoundError:
-        return part
-    wanted = 0o005 if part.is_dir() else 0o004
-    return None if mode & wanted == wanted else part
+    """The first on the way to `part` that is not there, or that others may not enter or read; None where they may."""
+    for place in (*reversed(part.parents), part):
+        try:
+            mode = place.stat().st_mode
+        except OSError:
+            return place
+        wanted = 0o001 if place != part else 0o005 if stat.S_ISDIR(mode) else 0o004
+        if mode & wanted != wanted:
+            return place
+    return None
