@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import time
 from pathlib import Path
 
 import pytest
-from program import quavelet
+from program import PROGRAM, quavelet
 
 from quavelet.cli import exits
 
@@ -38,6 +41,26 @@ def test_a_run_with_a_broker_that_is_away_does_not_tell_the_password(config: Pat
     done = quavelet("--verbose", "run", "--config", config, "--duration", 1, "--json", "--record", recording)
     assert SECRET not in done.out + done.err
     assert SECRET.encode() not in recording.read_bytes()
+
+
+def test_the_status_of_a_service_does_not_tell_the_password(config: Path, tmp_path: Path) -> None:
+    environment = {**os.environ, "RUNTIME_DIRECTORY": str(tmp_path)}
+    with (tmp_path / "log").open("wb") as log:
+        service = subprocess.Popen(
+            [PROGRAM, "--verbose", "run", "--config", config], env=environment, stdout=subprocess.DEVNULL, stderr=log
+        )
+        try:
+            for _ in range(600):
+                asked = [quavelet("status", tmp_path / "imu.sock", *more) for more in ((), ("--json",))]
+                if all(done.code == exits.OK and "home" in done.out for done in asked):
+                    break
+                time.sleep(0.05)
+        finally:
+            service.terminate()
+            service.wait(20)
+    assert all("127.0.0.1:1" in done.out for done in asked), asked
+    assert not any(SECRET in done.out + done.err for done in asked)
+    assert SECRET not in (tmp_path / "log").read_text()
 
 
 @pytest.mark.parametrize(
