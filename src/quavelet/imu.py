@@ -9,13 +9,14 @@ from pathlib import Path
 
 from quavelet.bus.open import open_bus, open_line
 from quavelet.bus.protocol import DataReady, I2CBus
-from quavelet.calibration.model import UNCALIBRATED
+from quavelet.calibration.model import UNCALIBRATED, ImuCalibration
 from quavelet.calibration.record import CalibrationRecord, ChipIdentity, OffsetsTable
 from quavelet.calibration.record_file import any_records, as_toml, find_record, load_record
-from quavelet.core.blocks import AttitudeBlock
+from quavelet.core.blocks import AttitudeBlock, RawBlock
 from quavelet.core.clock import Clock, MonotonicClock
 from quavelet.core.closing import Closing
 from quavelet.core.errors import CalibrationError, EndOfData
+from quavelet.core.flow import Stage
 from quavelet.core.health import Health
 from quavelet.core.units import NS_PER_S
 from quavelet.loop.deadline import FixedStepLoop
@@ -26,7 +27,7 @@ from quavelet.mpu6050.offset_plan import OffsetPlan
 from quavelet.mpu6050.source import ChipSource
 from quavelet.mpu6050.stream import StreamInfo
 from quavelet.mpu6050.variants import Variant
-from quavelet.pipeline import build_pipeline, tell_uncalibrated_magnetometer
+from quavelet.pipeline import Pipeline, PipelineState, build_pipeline, tell_uncalibrated_magnetometer
 from quavelet.settings import Settings, load_settings
 from quavelet.sinks.message import Message, message_of
 
@@ -37,6 +38,7 @@ class Imu(Closing):
     """A chip on an open bus. Iterating gives a `Message` at each deadline of the loop that has new samples.
 
     line is the open wire from its INT pin, None where there is none; closing closes both.
+    around is what the pipeline is put into, once it is built and again when a calibration is found.
     on_stream and on_drain are told what a recording needs (see `ChipSource`), on_note which calibration is used or why
     one is not, once the chip is known: `calibration` and `calibration_file`, None where there is none.
     """
@@ -48,6 +50,7 @@ class Imu(Closing):
         settings: Settings,
         clock: Clock,
         line: DataReady | None = None,
+        around: Callable[[Pipeline], Stage[RawBlock, AttitudeBlock, PipelineState]] | None = None,
         on_stream: Callable[[StreamInfo], None] | None = None,
         on_drain: Callable[[Drain], None] | None = None,
         on_note: Callable[[str], None] | None = None,
@@ -64,7 +67,8 @@ class Imu(Closing):
         self.offsets: OffsetPlan | None = settings.offsets.plan()
         self._found: tuple[CalibrationRecord | None, Path | None, str] = (None, None, "")
         self._told_magnetometer = False
-        self.pipeline = build_pipeline(settings)
+        self._around = around
+        self.pipeline = self._built()
         self.source = ChipSource(
             bus,
             address=settings.bus.address,
@@ -149,7 +153,11 @@ class Imu(Closing):
             tell_uncalibrated_magnetometer(self.settings, calibration)
         if record != self.calibration:
             self.calibration, self.calibration_file = record, path
-            self.pipeline = build_pipeline(self.settings, calibration=calibration)
+            self.pipeline = self._built(calibration)
+
+    def _built(self, calibration: ImuCalibration = UNCALIBRATED) -> Stage[RawBlock, AttitudeBlock, PipelineState]:
+        pipeline = build_pipeline(self.settings, calibration=calibration)
+        return self._around(pipeline) if self._around else pipeline
 
     def identity(self, info: StreamInfo) -> ChipIdentity:
         """Which chip streams, by its factory's trim; reads some registers of it. Raises BusError."""

@@ -15,7 +15,7 @@ from quavelet.attitude.params import FilterState
 from quavelet.calibration.calibrate import Calibrate
 from quavelet.calibration.model import UNCALIBRATED, ImuCalibration
 from quavelet.calibration.still_bias import StillBias, StillBiasState
-from quavelet.core.blocks import AttitudeBlock, RawBlock
+from quavelet.core.blocks import AttitudeBlock, ImuBlock, RawBlock
 from quavelet.core.flow import AttitudeFilter
 from quavelet.core.mounting import AS_THE_CHIP, rotation
 from quavelet.core.units import RAD_PER_DEG, STANDARD_GRAVITY_M_S2
@@ -64,6 +64,10 @@ class Pipeline:
         if self._heading is not None:
             attitude = self._heading.process(attitude, samples.field_ut)
         return replace(attitude, delay_ns=self._denoise.delay_ns) if self._denoise is not None else attitude
+
+    def calibrated(self, block: RawBlock) -> ImuBlock:
+        """The samples in SI, as they go into the other stages; nothing is remembered of them."""
+        return self._calibrate.process(block)
 
     def state(self) -> PipelineState:
         denoise = self._denoise.state() if self._denoise else None

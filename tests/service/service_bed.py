@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -22,8 +22,8 @@ WATCHDOG_S = 30
 class EventClock(VirtualClock):
     """Does what is planned as its time comes."""
 
-    def __init__(self) -> None:
-        super().__init__()
+    def __init__(self, start_s: float = 0.0) -> None:
+        super().__init__(round(start_s * NS_PER_S))
         self.events: list[tuple[int, Callable[[], None]]] = []
 
     def at(self, t_s: float, what: Callable[[], None]) -> None:
@@ -94,13 +94,16 @@ class Bed:
         record: Path | None = None,
         load: Callable[[], Settings] | None = None,
         clock: EventClock | None = None,
-        seed: int = 1,
+        accel_trim: tuple[int, int, int] = (100, -200, 300),
+        environ: Mapping[str, str] | None = None,
     ) -> None:
         self.clock = clock or EventClock()
         self.said: list[str] = []
         self.kept = Kept(most)
         self.heard = Heard(self.clock)
-        self.chip = FakeMpu6050(self.clock, motion=motion or Still(roll_deg=5.0, pitch_deg=-3.0), seed=seed)
+        self.chip = FakeMpu6050(
+            self.clock, motion=motion or Still(roll_deg=5.0, pitch_deg=-3.0), seed=1, accel_trim=accel_trim
+        )
         self.plugged = self.wired = True
         self.bus: FakeBus | None = None
         self.service = Service(
@@ -113,6 +116,7 @@ class Bed:
             notify=self.heard,
             load=load,
             opened=self._open,
+            environ=environ,
         )
 
     def fault(self, text: str) -> None:

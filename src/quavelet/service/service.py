@@ -19,7 +19,8 @@ from quavelet.mpu6050.drain import Drain
 from quavelet.mpu6050.stream import StreamInfo
 from quavelet.recording.rotation import RotatingRecorder
 from quavelet.recording.writer import RecordingWriter
-from quavelet.service import recordings
+from quavelet.service import host, recordings
+from quavelet.service.continuity import Continuity, continuity_for
 from quavelet.service.notify import Notify
 from quavelet.service.outputs import STDOUT, Outputs
 from quavelet.service.reload import Reading, changes, with_hot
@@ -87,6 +88,7 @@ class Service:
             environ=self._environ,
             virtual=not realtime,
         )
+        self.continuity: Continuity | None = None
         self._load = load
         self._opened = opened or (lambda name, clock: open_bus(name, clock=clock))
         self._console = console
@@ -131,6 +133,7 @@ class Service:
                 self.outputs.open()
                 stack.callback(self.messages.close)
                 self._open_recording(stack)
+                self._open_state_file(stack)
                 while not self._attempt(stack, until_ns):
                     self._wait_for_chip(until_ns)
                 self.watchdog.stopping()
@@ -172,6 +175,8 @@ class Service:
                 self.last = message
                 self.outputs.drained(message, self._read_ns)
                 self.messages.publish(message)
+                if self.continuity is not None:
+                    self.continuity.keep(message)
                 if STDOUT in self.messages.failures():
                     return
                 self._tell_found(imu)
@@ -259,6 +264,19 @@ class Service:
         self._read_ns = self.clock.now_ns()
         self.records.publish(drain)
 
+    def _open_state_file(self, stack: ExitStack) -> None:
+        self.continuity = continuity_for(
+            self.settings,
+            name=self.name,
+            environ=self._environ,
+            clock=self.clock,
+            talk=self.talk,
+            asleep_ns=host.asleep_ns if self._realtime else int,
+            policy=self.policy,
+        )
+        if self.continuity is not None:
+            stack.enter_context(self.continuity)
+
     def _open_recording(self, stack: ExitStack) -> None:
         settings = self.settings
         if self.record is not None:
@@ -286,10 +304,13 @@ class Service:
             settings=settings,
             clock=self.clock,
             line=line,
+            around=self.continuity.around if self.continuity else None,
             on_stream=self.records.publish,
             on_drain=self._on_drain,
             on_note=self.talk,
         )
+        if self.continuity is not None:
+            self.continuity.attach(self.imu)
         if self._stopped:
             self.imu.loop.stop()
         self.imu.read()

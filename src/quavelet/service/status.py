@@ -15,6 +15,7 @@ from quavelet.core.units import NS_PER_S
 from quavelet.imu import Imu
 from quavelet.loop.deadline import LoopStats
 from quavelet.loop.histogram import Histogram
+from quavelet.service.host import boot_id
 from quavelet.settings import Settings
 from quavelet.sinks.message import Message
 from quavelet.sinks.status import ClockStatus, LatencyStatus, OutputStatus, RecordingStatus, Status
@@ -24,7 +25,6 @@ _TIMEX_BYTES = 256
 """More than the kernel's struct timex takes; of zeros only, it asks and sets nothing."""
 _TIME_ERROR = 5
 _TIMESYNCD = Path("/run/systemd/timesync/synchronized")
-_BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
 
 
 def status_of(
@@ -60,7 +60,7 @@ def status_of(
         calibration=_calibration(imu),
         recording=recording,
         clock=ClockStatus(offset_ns=time_ns() - monotonic_ns(), synchronised=is_synchronised()),
-        boot_id=_boot_id(environ),
+        boot_id=boot_id(environ),
         pid=os.getpid(),
         memory_mb=memory_mb(),
     )
@@ -105,11 +105,3 @@ def _calibration(imu: Imu | None) -> str:
     if imu is None or imu.calibration is None:
         return ""
     return f"{imu.calibration.in_words()} from {imu.calibration_file}"
-
-
-def _boot_id(environ: Mapping[str, str]) -> str:
-    """One for each start of the machine: CLOCK_MONOTONIC of two is not to be compared."""
-    try:
-        return environ.get("QUAVELET_BOOT_ID") or _BOOT_ID.read_text().strip().replace("-", "")
-    except OSError:
-        return ""

@@ -20,8 +20,8 @@ class ServiceSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_
     name              what it is called; "auto": as the settings file, without ".toml", or "imu"
     socket            the local socket that `quavelet status` and `watch` ask: a path, or "" for none; "auto": NAME.sock
                       in systemd's $RUNTIME_DIRECTORY, else in $XDG_RUNTIME_DIR/quavelet, else none
-    state_file        where the attitude is kept over a restart: a path, or "" for nowhere; "auto": NAME.state in
-                      systemd's $STATE_DIRECTORY, else nowhere
+    state_file        where the attitude is kept over a restart of the program: a path, or "" for nowhere; "auto":
+                      NAME.state in systemd's $RUNTIME_DIRECTORY, which is memory, else nowhere
     metrics           "HOST:PORT" where Prometheus may ask for figures, as "127.0.0.1:9650"; "": nowhere
     wait_for_device   keep trying while the chip does not answer at the start
     """
