@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from quavelet.core.errors import SettingsError
-from quavelet.settings import OutputSettings, Settings, Value, as_tables, load_settings
+from quavelet.settings import OutputSettings, Settings, Value, as_tables, load_settings, parse_settings
 
 Mistake = tuple[str, str, str]
 """Table, key, and what is written behind it."""
@@ -139,6 +139,19 @@ def test_no_value_goes_on_for_pages() -> None:
     )
     assert len(lines) == 3
     assert max(map(len, lines)) < 200
+
+
+def test_plain_tables_of_any_depth_are_refused_by_their_key() -> None:
+    nested: list[object] = []
+    for _ in range(5000):
+        nested = [nested]
+    with pytest.raises(SettingsError, match=r"^here: start\.gyro_bias_dps is a list of lists"):
+        parse_settings({"start": {"gyro_bias_dps": nested}}, where="here")
+    table: dict[str, object] = {}
+    for _ in range(5000):
+        table = {"start": table}
+    with pytest.raises(SettingsError, match=r"^here: unknown key start\.start"):
+        parse_settings(table, where="here")
 
 
 def test_the_structs_refuse_by_themselves_what_a_file_may_not_have() -> None:

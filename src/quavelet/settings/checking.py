@@ -166,6 +166,8 @@ def _absurd(value: object) -> str:
     if isinstance(value, list | tuple):
         if len(value) > LONGEST_TEXT:
             return f"has {len(value)} values: no setting takes so many"
+        if any(isinstance(item, list | tuple) for item in value):
+            return "is a list of lists: no setting takes one"
         return next((wrong for wrong in map(_absurd, value) if wrong), "")
     if isinstance(value, float) and not isfinite(value):
         return f"= {value} is not a finite number: give one"
