@@ -24,4 +24,7 @@ def test_every_input_has_targets_that_are_there(row: list[str]) -> None:
 
 def test_what_the_service_takes_is_in_the_table() -> None:
     inputs = " ".join(row[0] for row in ROWS)
-    assert all(word in inputs for word in ("settings", "calibration", "recording", "I2C", "readers", "metrics"))
+    assert all(
+        word in inputs
+        for word in ("settings", "calibration", "state", "recording", "I2C", "socket", "readers", "metrics", "MQTT")
+    )
