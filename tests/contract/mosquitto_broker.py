@@ -61,13 +61,17 @@ class Broker:
         command = [MOSQUITTO, "-c", str(self._config)]
         with (self.folder / "mosquitto.log").open("ab") as log:
             self._process = subprocess.Popen(command, stdout=log, stderr=log)
-        assert eventually(self._listens), (self.folder / "mosquitto.log").read_text()
+        assert eventually(self._listens), self.log()
 
     def kill(self) -> None:
         if self._process is not None:
             self._process.kill()
             self._process.wait()
             self._process = None
+
+    def log(self) -> str:
+        """What it has said."""
+        return (self.folder / "mosquitto.log").read_text()
 
     def cpu_s(self) -> float:
         """Processor time it has used."""

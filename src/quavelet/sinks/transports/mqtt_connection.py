@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import threading
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 from typing import TYPE_CHECKING, TypeVar, cast
 
@@ -24,7 +26,7 @@ if TYPE_CHECKING:
 
 _KEEPALIVE_S = 15
 _CONNECT_S = 5.0
-"""For each of TCP and TLS; it is spent on a thread that nobody can stop, so that the program's end may wait for it."""
+"""For each of TCP and TLS."""
 _ANSWER_S = 10.0
 """A broker that does not answer for so long is taken to be gone."""
 _TICK_S = 1.0
@@ -86,14 +88,9 @@ class MqttConnection:
             clean_start=True,
             properties=_connect_properties(),
         )
-        trouble: Trouble | None = None
-        try:
-            await self._loop.run_in_executor(None, connect)
-        except OSError as error:
-            trouble = of_error(error, mqtt=self._mqtt, broker=self._broker)
-        if trouble is not None:
-            # Not from the error, which holds a socket whose TLS failed: paho leaves it open.
-            raise trouble
+        error = await self._on_a_thread(connect)
+        if error is not None:
+            raise of_error(error, mqtt=self._mqtt, broker=self._broker) from error
         await self.wait_for(self._accepted, within_s=_ANSWER_S)
         if not self._accepted.done():
             raise Trouble(f"{self._broker} takes the connection and does not answer: is it an MQTT broker?")
@@ -135,6 +132,27 @@ class MqttConnection:
         connection = self._client.socket()
         if connection is not None:
             self._drop(connection)
+
+    def _on_a_thread(self, connect: Callable[[], object]) -> asyncio.Future[Exception | None]:
+        """What it raised. Nobody can stop it, so it is a thread that the program's end does not wait for."""
+        ended: asyncio.Future[Exception | None] = self._loop.create_future()
+
+        def end(error: Exception | None) -> None:
+            if not ended.done():
+                ended.set_result(error)
+
+        def work() -> None:
+            error: Exception | None = None
+            try:
+                connect()
+            except (OSError, ValueError) as caught:
+                error = caught
+            # RuntimeError: the loop is closed.
+            with suppress(RuntimeError):
+                self._loop.call_soon_threadsafe(end, error)
+
+        threading.Thread(target=work, name="mqtt connect", daemon=True).start()
+        return ended
 
     @property
     def _broker(self) -> str:

@@ -57,6 +57,7 @@ def tls_context(mqtt: MqttSettings) -> ssl.SSLContext:
         raise SettingsError(
             f"ca_file {mqtt.ca_file}: is of no use ({_reason(error)}): give certificates in PEM"
         ) from error
+    context.sslsocket_class = _Socket
     context.minimum_version = ssl.TLSVersion.TLSv1_2
     if mqtt.certificate:
         # With a password asked for, OpenSSL would wait for the terminal.
@@ -68,6 +69,17 @@ def tls_context(mqtt: MqttSettings) -> ssl.SSLContext:
                 "give both in PEM, the key without a password"
             ) from error
     return context
+
+
+class _Socket(ssl.SSLSocket):
+    """One that is closed when the other side does not prove who it is; paho leaves it to the garbage collector."""
+
+    def do_handshake(self, block: bool = False) -> None:
+        try:
+            super().do_handshake(block)
+        except (OSError, ValueError):
+            self.close()
+            raise
 
 
 def _no_password() -> str:

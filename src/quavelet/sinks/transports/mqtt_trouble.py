@@ -38,8 +38,8 @@ def of_reason(code: int, name: str, *, broker: str) -> Trouble:
     return Trouble(f"{broker} has ended the connection ({name.lower()})")
 
 
-def of_error(error: OSError, *, mqtt: MqttSettings, broker: str) -> Trouble:
-    """What an error of the system while connecting means."""
+def of_error(error: Exception, *, mqtt: MqttSettings, broker: str) -> Trouble:
+    """What an error while connecting means."""
     if isinstance(error, ssl.SSLCertVerificationError):
         why = error.verify_message.rstrip(".") or "not verified"
         ca = mqtt.ca_file or "the system's"
@@ -50,8 +50,9 @@ def of_error(error: OSError, *, mqtt: MqttSettings, broker: str) -> Trouble:
     if isinstance(error, ssl.SSLError):
         why = (error.reason or "TLS failed").lower().replace("_", " ")
         return Trouble(f"{broker} ends TLS ({why}): is that its TLS port, and what certificate of ours does it want?")
-    if isinstance(error, socket.gaierror):
+    if isinstance(error, socket.gaierror | UnicodeError):
         return Trouble(f"{broker}: no such host is known: check the name and the network")
     if isinstance(error, TimeoutError):
         return Trouble(f"{broker} does not answer: check the address, the network and its firewall")
-    return Trouble(f"{broker}: {error.strerror or error}: is the broker running and the network up?")
+    said = (isinstance(error, OSError) and error.strerror) or str(error)
+    return Trouble(f"{broker}: {said}: is the broker running and the network up?")
