@@ -1,9 +1,11 @@
 """Recordings that follow each other keep their bounds, each is complete, and nothing of others is touched."""
 
 import fcntl
+import gc
 import os
 import shutil
 import time
+import tracemalloc
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
@@ -384,6 +386,22 @@ def test_a_card_that_is_busy_with_itself_costs_drains_that_are_counted_and_gaps_
 def test_drains_that_the_disk_was_too_slow_for_are_counted(rig: Rig) -> None:
     rig.write(INFO, *slow_drains(3), *slow_drains(3, first=10))
     assert rig.recorder.stats().missed == 7
+
+
+def test_memory_does_not_grow_from_file_to_file(rig: Rig) -> None:
+    rig.write(INFO)
+    sizes = []
+    tracemalloc.start()
+    try:
+        for part in range(4):
+            for first in range(part * 1500, (part + 1) * 1500, 100):
+                rig.write(*slow_drains(100, first=first))
+            gc.collect()
+            sizes.append(tracemalloc.get_traced_memory()[0])
+    finally:
+        tracemalloc.stop()
+    assert rig.recorder.stats().deleted > 150
+    assert sizes[-1] - sizes[1] < 10_000
 
 
 def test_the_file_being_written_is_locked(rig: Rig) -> None:
