@@ -6,12 +6,13 @@ from typer.testing import CliRunner
 
 from quavelet.cli.app import app
 
-COMMANDS = typer.main.get_command(app).commands  # type: ignore[attr-defined]
+TOP = typer.main.get_command(app).commands  # type: ignore[attr-defined]
+COMMANDS = {**TOP, **{f"service {name}": command for name, command in TOP["service"].commands.items()}}
 
 
 @pytest.mark.parametrize("name", list(COMMANDS))
 def test_the_help_of_a_command_explains_each_option(name: str) -> None:
-    shown = CliRunner().invoke(app, [name, "--help"], terminal_width=100)
+    shown = CliRunner().invoke(app, [*name.split(), "--help"], terminal_width=100)
     assert shown.exit_code == 0
     for parameter in COMMANDS[name].params:
         assert all(option in shown.output for option in parameter.opts)
