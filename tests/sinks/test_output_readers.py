@@ -1,5 +1,6 @@
 """Unix and TCP outputs: many readers, each harmed by itself alone, and what is lost is counted."""
 
+import asyncio
 import socket
 import stat
 import sys
@@ -180,7 +181,7 @@ def open_files() -> int:
 
 def test_a_thousand_readers_that_come_and_go_leave_nothing_behind(rig: Rig, place: Place) -> None:
     output, address = place(rig)
-    tasks = threading.active_count()
+    threads, tasks = threading.active_count(), len(asyncio.all_tasks(rig.network._loop))
     with reading(address) as end:
         rig.send(0, 1)
         end.times(1)
@@ -191,7 +192,8 @@ def test_a_thousand_readers_that_come_and_go_leave_nothing_behind(rig: Rig, plac
             end.line()
     until(lambda: rig.send(0, 1) or rig.status(output).readers == 0)
     until(lambda: open_files() <= before)
-    assert threading.active_count() == tasks
+    assert threading.active_count() == threads
+    assert len(asyncio.all_tasks(rig.network._loop)) == tasks
 
 
 def test_only_user_and_group_may_read_a_unix_socket_and_its_file_goes_at_the_end(tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ from quavelet.sinks.json_lines import JsonLines
 from quavelet.sinks.message import Message
 from quavelet.sinks.metrics import MetricsEndpoint
 from quavelet.sinks.network import DEPTH, Network, Part
-from quavelet.sinks.output import Output, thinning_of
+from quavelet.sinks.output import thinning_of
 from quavelet.sinks.outputs import make_encoding, make_output
 from quavelet.sinks.plan import OutputPlan
 from quavelet.sinks.status import OutputStatus, Status
@@ -114,11 +114,14 @@ class Outputs:
         return network
 
     def _status_of(self, name: str, settings: OutputSettings) -> OutputStatus:
+        if settings.to == STDOUT:
+            stdout = next((stats for stats in self._messages.stats() if stats.name == STDOUT), None)
+            return _of_stdout(name, settings, stdout)
         output = self._outputs.get(name)
-        if isinstance(output, Output) and self._network is not None:
-            return output.status(self._network.failure(output))
-        stdout = next((stats for stats in self._messages.stats() if stats.name == STDOUT), None)
-        return _of_stdout(name, settings, stdout)
+        if output is None:
+            # Asked in the middle of a reload.
+            return OutputStatus(name=name, to=settings.to, encoding=settings.encoding, state="closed")
+        return output.status(self._network.failure(output) if self._network else "")
 
 
 def socket_path(settings: Settings, *, name: str, environ: Mapping[str, str]) -> Path | None:

@@ -83,7 +83,7 @@ class OutputSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_f
                     "mqtt:HOST[:PORT]" or "mqtts:HOST[:PORT]"
     encoding        in which words
     rate_hz         at most so many messages a second; 0: all
-    dead_band_deg   a message is left out while no angle has gone so far and nothing else changed; one a second goes
+    dead_band_deg   a message is left out while the board has turned by less and nothing else changed; one a second goes
                     all the same. 0: none is left out
     readers         of unix and tcp: at most so many at once
     mqtt            of mqtt and mqtts

@@ -26,7 +26,7 @@ class UnixTransport:
     """Listens on a path; the file is there from `open` to `close`."""
 
     def __init__(self, plan: OutputPlan) -> None:
-        self._path = Path(plan.settings.destination.path)
+        self._path = Path(plan.settings.destination.path).expanduser()
         self._readers = Readers(plan.settings.readers)
         self._listener: UnixListener | None = None
 
