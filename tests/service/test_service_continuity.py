@@ -176,7 +176,7 @@ def test_a_board_that_was_killed_while_it_moved_begins_afresh(tmp_path: Path) ->
     file = tmp_path / "imu.state"
     environ = {"RUNTIME_DIRECTORY": str(tmp_path), "QUAVELET_BOOT_ID": BOOT}
     bed = Bed(TurnsAt13(), settings=PLAIN, environ=environ)
-    # At 11 s the file says that it is still; the turn begins at 13 s, and the kill comes long before the next copy.
+    # At 12 s the file says that it is still; the turn begins at 13 s, and the kill comes long before the next copy.
     bed.clock.at(12.0, lambda: shutil.copy(file, tmp_path / "before"))
     bed.clock.at(14.8, lambda: shutil.copy(file, tmp_path / "after"))
     bed.run(until_s=15.0)
@@ -237,3 +237,13 @@ def test_where_no_place_is_known_nothing_is_kept_and_nothing_told(tmp_path: Path
     bed.run(until_s=1)
     assert bed.service.continuity is None and bed.said == []
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_board_that_comes_to_rest_is_kept_soon_and_not_at_every_message(tmp_path: Path) -> None:
+    bed = Bed(TurnedOnce(), settings=PLAIN, environ={"RUNTIME_DIRECTORY": str(tmp_path), "QUAVELET_BOOT_ID": BOOT})
+    bed.run(until_s=30)
+    still_s = next(m.t_ns for m in bed.messages if m.t_ns > 7e9 and m.still) / 1e9
+    assert bed.service.continuity is not None
+    (stats,) = bed.service.continuity.stats()
+    assert 3 <= stats.delivered <= 8
+    assert still_s < 20

@@ -15,9 +15,11 @@ TOLD_BUS = '''
 """The bus told:MOTION: a fake chip that can be told what happens to it while it runs. Each line of /run/faults is a
 fault; opened while there is /run/absent nothing answers, while there is /run/stranger another chip does."""
 from pathlib import Path
+import numpy as np
 from hw_fakes import TYPICAL, FakeBus, FakeMpu6050
 from hw_fakes.faults.plan import parse
 from hw_fakes.scenarios import motion_named
+from hw_fakes.world.motion_base import EulerMotion
 
 FAULTS, ABSENT, STRANGER = Path("/run/faults"), Path("/run/absent"), Path("/run/stranger")
 
@@ -37,9 +39,20 @@ class Told(FakeBus):
             self.taken = len(lines)
         return super()._transfer(messages)
 
+class Turned(EulerMotion):
+    "Turned by 40 deg about the vertical from 4 to 5 s, and lying still else."
+
+    def euler_rad(self, t_s):
+        angles, rates = np.zeros((len(t_s), 3)), np.zeros((len(t_s), 3))
+        angles[:, 0] = 0.1
+        angles[:, 2] = np.deg2rad(40) * np.clip(t_s - 4, 0, 1)
+        rates[:, 2] = np.where((t_s > 4) & (t_s < 5), np.deg2rad(40), 0)
+        return angles, rates
+
 def open_told(which, *, clock):
+    motion = Turned() if which == "turned" else motion_named(which)
     chip = Stranger() if STRANGER.exists() else FakeMpu6050(
-        clock, motion=motion_named(which), imperfections=TYPICAL, seed=6050
+        clock, motion=motion, imperfections=TYPICAL, seed=6050
     )
     return Told({} if ABSENT.exists() else {0x68: chip}, clock=clock, name="told:" + which)
 '''

@@ -1,5 +1,6 @@
 """What systemd makes of what the service tells it: ready, frozen, missing, reloaded."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -141,3 +142,73 @@ def test_a_reload_takes_good_settings_refuses_broken_ones_and_keeps_the_process(
     assert "refused" in first and "/etc/quavelet/imu0.toml: chip" in first
     assert second == "active 0 same"
     assert any("the settings were read again; only after a restart: chip.dlpf" in line for line in rest)
+
+
+def test_a_killed_service_goes_on_with_its_yaw(tmp_path: Path) -> None:
+    told = in_systemd(
+        tmp_path,
+        """
+        use_bus told:turned
+        edit <<< $'[Service]\\nRestartSec=500ms'
+        systemctl start quavelet@imu0
+        # Turned, and still for as long as it takes to say so.
+        sleep 20
+        ls /run/quavelet/imu0.state
+        systemctl kill --signal=KILL quavelet@imu0
+        until_true '[ "$(property NRestarts)" = 1 ] && [ "$(property ActiveState)" = active ]'
+        property StatusText
+        told
+        """,
+    )
+    file, status, *rest = told.splitlines()
+    assert file == "/run/quavelet/imu0.state"
+    assert re.match(r"running; .* yaw (39|40)\.\d deg \(relative\)", status), told
+    assert any("the attitude goes on from where it was" in line for line in rest)
+
+
+def test_an_output_on_the_network_needs_the_drop_in_and_no_more(tmp_path: Path) -> None:
+    told = in_systemd(
+        tmp_path,
+        """
+        ip link set lo up
+        printf '[output.phone]\\nto = "udp:127.0.0.1:5555"\\nrate_hz = 20.0\\n' >> /etc/quavelet/imu0.toml
+        cat > /run/heard.py <<'P'
+import socket
+heard = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+heard.bind(("127.0.0.1", 5555))
+heard.settimeout(4)
+try:
+    print(heard.recv(4096)[:7].decode())
+except TimeoutError:
+    print("nothing")
+P
+        systemctl start quavelet@imu0
+        /opt/quavelet/venv/bin/python /run/heard.py
+        systemctl stop quavelet@imu0
+        install -D -m 644 /opt/quavelet/repository/systemd/network.conf -t /etc/systemd/system/quavelet@imu0.service.d/
+        systemctl daemon-reload
+        systemctl start quavelet@imu0
+        /opt/quavelet/venv/bin/python /run/heard.py
+        property ActiveState
+        """,
+    )
+    assert told.splitlines() == ["nothing", '{"v":1,', "active"]
+
+
+def test_an_output_comes_and_goes_with_a_reload_and_the_process_stays(tmp_path: Path) -> None:
+    told = in_systemd(
+        tmp_path,
+        """
+        systemctl start quavelet@imu0
+        pid=$(property MainPID)
+        cp /etc/quavelet/imu0.toml /run/before.toml
+        printf '[output.mine]\\nto = "unix:/run/quavelet/mine.sock"\\n' >> /etc/quavelet/imu0.toml
+        systemctl reload quavelet@imu0
+        until_true '[ -S /run/quavelet/mine.sock ]'
+        cp /run/before.toml /etc/quavelet/imu0.toml
+        systemctl reload quavelet@imu0
+        until_true '[ ! -e /run/quavelet/mine.sock ]'
+        echo "$(property ActiveState) $(property NRestarts) $([ "$pid" = "$(property MainPID)" ] && echo same)"
+        """,
+    )
+    assert told == "active 0 same\n"

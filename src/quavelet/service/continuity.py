@@ -11,7 +11,7 @@ from typing import Self
 from quavelet.core.clock import Clock
 from quavelet.core.errors import BusError
 from quavelet.imu import Imu
-from quavelet.loop.hub import Hub, Policy
+from quavelet.loop.hub import Hub, Policy, SubscriberStats
 from quavelet.pipeline import Pipeline
 from quavelet.service.host import boot_id
 from quavelet.service.keeping import Identity, Keeper, Snapshot, StateFile
@@ -77,6 +77,10 @@ class Continuity:
         if kind is not None:
             with suppress(OSError):
                 self.path.unlink()
+
+    def stats(self) -> tuple[SubscriberStats, ...]:
+        """What became of the copies."""
+        return self._copies.stats()
 
     def _read(self) -> SavedState | None:
         try:

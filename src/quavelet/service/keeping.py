@@ -12,6 +12,7 @@ from quavelet.service.saved_state import SavedState, Three, pack_pipeline, write
 from quavelet.sinks.message import Message
 
 EVERY_NS = 10 * NS_PER_S
+SOON_NS = 2 * NS_PER_S
 MEAN_OF = 200
 """The mean force and rate follow with this time constant, in messages."""
 ENOUGH = 50
@@ -44,8 +45,8 @@ class Snapshot:
 class Keeper:
     """Asked by the loop with each message.
 
-    A copy is due every ten seconds, and at once when a board moves whose file says that it is still: after a kill its
-    yaw must not be taken for the one before it moved.
+    A copy is due every ten seconds, soon after a board has come to rest, and at once when one moves whose file says
+    that it is still: after a kill its yaw must not be taken for the one before it moved.
     """
 
     def __init__(self) -> None:
@@ -69,7 +70,10 @@ class Keeper:
         self.still = self._n >= ENOUGH
         if self._kept_ns is None:
             self._kept_ns = message.t_ns
-        return message.t_ns - self._kept_ns >= EVERY_NS or (self._kept_still and not still)
+        since_ns = message.t_ns - self._kept_ns
+        if self._kept_still:
+            return since_ns >= EVERY_NS or not still
+        return since_ns >= (SOON_NS if self.still else EVERY_NS)
 
     def copy(self, message: Message, pipeline: PipelineState, *, identity: Identity, asleep_ns: int) -> Snapshot:
         """The copy after that message."""
