@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from pathlib import Path
 
@@ -13,6 +14,9 @@ RECORDINGS = TESTS.parent.parent / "shared" / "recordings"
 # For this file pytest puts tests/ on sys.path, where the folder tests/hw_fakes would hide the package hw_fakes.
 # Its place is given to tests/contract, whose helpers other rooms import.
 sys.path[:] = [str(TESTS / "contract"), *(entry for entry in sys.path if entry != str(TESTS))]
+
+# Programs under test would meet there each other, or the one that its owner runs on this desktop.
+os.environ.pop("XDG_RUNTIME_DIR", None)
 
 
 @pytest.fixture

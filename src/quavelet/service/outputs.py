@@ -121,7 +121,10 @@ class Outputs:
         if output is None:
             # Asked in the middle of a reload.
             return OutputStatus(name=name, to=settings.to, encoding=settings.encoding, state="closed")
-        return output.status(self._network.failure(output) if self._network else "")
+        if self._network is None:
+            return output.status()
+        waited = (stats.lost for stats in self._messages.stats() if stats.name == NETWORK)
+        return output.status(self._network.failure(output), never_came=self._network.lost + sum(waited))
 
 
 def socket_path(settings: Settings, *, name: str, environ: Mapping[str, str]) -> Path | None:

@@ -83,6 +83,7 @@ class Network:
         self._runs: dict[Part, asyncio.Task[None]] = {}
         self._open: dict[Part, asyncio.Future[str]] = {}
         self._failures: dict[Part, str] = {}
+        self._told: set[Part] = set()
         self._tasks: set[asyncio.Task[None]] = set()
         self._mistaken: set[str] = set()
         self._failed = 0
@@ -111,6 +112,8 @@ class Network:
 
     def write(self, message: Message) -> None:
         """Hand a message over; one that finds no room is lost and counted."""
+        if self._closed:
+            return
         if self._room is not None:
             self._room.acquire()
         elif self._given - self._taken >= self._depth:
@@ -216,17 +219,19 @@ class Network:
                 why = await self._open_until_it_fails(part)
                 self._failed += 1
                 self._failures[part] = why
+                if self._loop.time() - began_s > LONGEST_PAUSE_S:
+                    pause_s, told = self._first_pause_s, ""
                 if why != told:
                     self._talk(f"{part.name}: {why}; it is tried again, the others go on")
                     told = why
+                    self._told.add(part)
                 await self._close(part)
-                if self._loop.time() - began_s > LONGEST_PAUSE_S:
-                    pause_s = self._first_pause_s
                 await asyncio.sleep(pause_s)
                 pause_s = min(2.0 * pause_s, LONGEST_PAUSE_S)
         finally:
             self._open.pop(part, None)
             self._failures.pop(part, None)
+            self._told.discard(part)
             await self._close(part)
 
     async def _close(self, part: Part) -> None:
@@ -244,7 +249,10 @@ class Network:
             return str(error) or type(error).__name__
         except Exception as error:  # noqa: BLE001
             return self._mistake(part, error)
-        if self._failures.pop(part, None) is not None:
+        self._failures.pop(part, None)
+        if part in self._told:
+            # Once for each failure that was told: one that comes and goes does not fill the journal.
+            self._told.discard(part)
             self._talk(f"{part.name}: works again")
         failed: asyncio.Future[str] = self._loop.create_future()
         self._open[part] = failed

@@ -37,8 +37,9 @@ class Output:
     async def close(self) -> None:
         await self._transport.close()
 
-    def status(self, failure: str = "") -> OutputStatus:
-        """What became of its messages; `failure` is why it has ended, "" while it has not."""
+    def status(self, failure: str = "", *, never_came: int = 0) -> OutputStatus:
+        """What became of its messages; `failure` is why it has ended, "" while it has not, and `never_came` how many
+        were lost before any output saw them."""
         settings, stats = self._plan.settings, self._transport.stats()
         return OutputStatus(
             name=self._plan.name,
@@ -46,7 +47,7 @@ class Output:
             encoding=settings.encoding,
             state=f"failed: {failure}" if failure else stats.state,
             sent=stats.sent,
-            lost=stats.lost,
+            lost=stats.lost + never_came,
             left_out=self._thinning.left_out,
             readers=stats.readers,
             refused=stats.refused,
