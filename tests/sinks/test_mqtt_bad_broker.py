@@ -100,13 +100,13 @@ async def beside(broker: BadBroker, *, connections: int, within_s: float) -> str
     given = len(ticks) - 1
     begun_s = time.monotonic()
     await transport.close()
-    assert time.monotonic() - begun_s < 2.0
+    assert time.monotonic() - begun_s < 3.5
     assert transport.stats().sent + transport.stats().lost == given
     await broker.stop()
     await asyncio.sleep(0.05)
     assert not complaints
-    # A tick is 20 ms; a loop that waited for the broker would be seconds late.
-    assert max(after - before for before, after in pairwise(ticks)) < 1.0
+    # A tick is 20 ms; a loop that waited for a connection or an answer would be 5 or 10 s late.
+    assert max(after - before for before, after in pairwise(ticks)) < 4.5
     return state
 
 

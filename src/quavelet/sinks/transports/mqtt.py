@@ -3,7 +3,7 @@
     TOPIC/status       "online", or "offline" by our last will; retained
     TOPIC/identity     who this is and what its times mean; retained
     TOPIC/attitude     the messages, in the output's encoding
-    TOPIC/diagnostics  every 30 s, JSON
+    TOPIC/diagnostics  every 30 s and when the state changes, JSON
 
 Nothing is subscribed to, so that no topic can reach the service.
 """
@@ -39,6 +39,8 @@ _HELD_S = 10.0
 turns without end."""
 _CLOSE_S = 0.9
 """A little less than the network gives all of its parts."""
+_LOOK_S = 2.0
+"""Time between two looks at the service: for a chip that is lost, a clock that is set, yaw that has found north."""
 _CLOCK_MOVED_NS = 1_000_000
 """The identity is published anew when the clock's offset has moved so far."""
 
@@ -149,11 +151,15 @@ class MqttTransport:
         self._pump()
         closing = asyncio.create_task(self._closing.wait())
         try:
+            due_s, shown = 0.0, None
             while not self._closing.is_set():
-                document = msgspec.json.encode(diagnostics_of(self._plan.status(), lost=self._lost))
-                await self._publish(connection, f"{self._topic}/diagnostics", document)
-                await connection.wait_for(closing, within_s=DIAGNOSTICS_S)
                 await self._publish_retained(connection)
+                found = diagnostics_of(self._plan.status(), lost=self._lost)
+                # What is wrong, or no longer, is said when it is seen.
+                if (found.state, found.problem) != shown or asyncio.get_running_loop().time() >= due_s:
+                    await self._publish(connection, f"{self._topic}/diagnostics", msgspec.json.encode(found))
+                    due_s, shown = asyncio.get_running_loop().time() + DIAGNOSTICS_S, (found.state, found.problem)
+                await connection.wait_for(closing, within_s=min(_LOOK_S, DIAGNOSTICS_S))
         finally:
             closing.cancel()
         await self._leave(connection)
