@@ -169,7 +169,9 @@ def test_the_schema_refuses_what_home_assistant_refuses() -> None:
 @pytest.mark.parametrize("mqtt", [{}, {"qos": 0, "expire_after_s": 2.5}, {"expire_after_s": 3600.0}])
 def test_home_assistant_takes_the_document(yaw: Yaw, chip: str, mqtt: dict[str, Any]) -> None:
     identity = msgspec.structs.replace(IDENTITY, chip=chip)
-    jsonschema.validate(document(identity, yaw=yaw, **mqtt), SCHEMA)
+    found = document(identity, yaw=yaw, **mqtt)
+    jsonschema.validate(found, SCHEMA)
+    assert found["device"].get("model", "") == chip, "a chip that has not answered has no name"
 
 
 def test_every_entity_shows_its_value() -> None:

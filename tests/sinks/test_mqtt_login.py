@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 from pathlib import Path
 
 import msgspec
@@ -76,6 +77,18 @@ def test_a_path_with_a_nul_is_a_mistake_in_the_settings(tmp_path: Path) -> None:
             tls_context(settings)
     with pytest.raises(SettingsError):
         read_password(MqttSettings(user="imu", password_file=nul))
+
+
+def test_a_pipe_or_a_device_keeps_nobody_waiting(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    for other in (str(pipe), "/dev/zero", str(tmp_path)):
+        with pytest.raises(SettingsError, match=r"password_file .* is no file"):
+            read_password(MqttSettings(user="imu", password_file=other))
+        with pytest.raises(SettingsError, match=r"ca_file .* is no file"):
+            tls_context(MqttSettings(ca_file=other))
+        with pytest.raises(SettingsError, match=r"certificate .* is no file"):
+            tls_context(MqttSettings(certificate=other, key_file=other))
 
 
 def test_a_certificate_that_is_none_is_told_with_its_file(tmp_path: Path) -> None:

@@ -138,8 +138,9 @@ def discovery(identity: Identity, *, mqtt: MqttSettings, yaw: Yaw) -> bytes:
     device = {
         "identifiers": [identity.id],
         "name": f"{identity.host} {identity.name}" + (" (fake)" if identity.fake else ""),
-        "model": identity.chip or "MPU-6050",
         "sw_version": identity.version,
+        # Not known before it has answered.
+        **({"model": identity.chip} if identity.chip else {}),
     }
     document = {
         "device": device,

@@ -24,6 +24,7 @@ def read_password(mqtt: MqttSettings) -> str | None:
     if not mqtt.password_file:
         return None
     path = Path(mqtt.password_file)
+    _check_file("password_file", mqtt.password_file)
     try:
         with path.open("rb") as file:
             mode = path.stat().st_mode
@@ -51,6 +52,9 @@ def tls_context(mqtt: MqttSettings) -> ssl.SSLContext:
 
     Raises SettingsError where a file cannot be used.
     """
+    _check_file("ca_file", mqtt.ca_file)
+    _check_file("certificate", mqtt.certificate)
+    _check_file("key_file", mqtt.key_file)
     try:
         context = ssl.create_default_context(cafile=mqtt.ca_file or None)
     except (OSError, ValueError) as error:
@@ -69,6 +73,17 @@ def tls_context(mqtt: MqttSettings) -> ssl.SSLContext:
                 "give both in PEM, the key without a password"
             ) from error
     return context
+
+
+def _check_file(key: str, path: str) -> None:
+    """Raises SettingsError for what is there and is no file: a pipe or a device may keep whoever reads it for ever."""
+    try:
+        is_other = bool(path) and Path(path).exists() and not Path(path).is_file()
+    except (OSError, ValueError):
+        # Told by the one who opens it.
+        return
+    if is_other:
+        raise SettingsError(f"{key} {path}: is no file: give the path of one")
 
 
 class _Socket(ssl.SSLSocket):
