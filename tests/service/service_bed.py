@@ -16,7 +16,7 @@ from quavelet.service.service import STDOUT, Service
 from quavelet.settings import BusSettings, ServiceSettings, Settings
 from quavelet.sinks.message import Message
 
-WATCHDOG_S = 30
+WATCHDOG_S = 10
 
 
 class EventClock(VirtualClock):

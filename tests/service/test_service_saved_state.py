@@ -6,6 +6,7 @@ from zlib import crc32
 import msgspec
 import numpy as np
 import pytest
+from full_disk import files_up_to
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -152,6 +153,15 @@ def _spoil(plain: object, data: st.DataObject) -> None:
             st.binary(min_size=len(below), max_size=len(below)) if isinstance(below, bytes) else NUMBERS
         )
         return
+
+
+def test_a_disk_that_is_full_leaves_the_state_before_and_nothing_else(tmp_path: Path) -> None:
+    path = tmp_path / "imu.state"
+    write_state(path, GOOD)
+    with files_up_to(1000), pytest.raises(OSError):
+        write_state(path, replace_time(GOOD, 5))
+    assert read_state(path) == GOOD
+    assert list(tmp_path.iterdir()) == [path]
 
 
 def test_a_state_that_is_refused_leaves_the_pipeline_as_it_was() -> None:

@@ -20,7 +20,7 @@ def test_ready_comes_with_the_first_attitude_that_is_to_be_trusted() -> None:
 def test_a_chip_that_is_frozen_from_the_start_never_is_ready_and_gets_no_more_time() -> None:
     bed = Bed()
     bed.clock.at(0.05, lambda: bed.fault("frozen"))
-    bed.run(until_s=30)
+    bed.run(until_s=15)
     assert bed.messages and bed.heard.times("READY") == []
     assert max(bed.heard.times("EXTEND_TIMEOUT_USEC"), default=0.0) < 5.0
     assert bed.heard.statuses[-2].startswith("lost: the chip is stuck")
@@ -28,10 +28,10 @@ def test_a_chip_that_is_frozen_from_the_start_never_is_ready_and_gets_no_more_ti
 
 def test_a_loop_that_lives_feeds_the_watchdog_well_within_its_time() -> None:
     bed = Bed()
-    bed.run(until_s=61)
+    bed.run(until_s=25)
     fed = bed.heard.times("WATCHDOG")
     assert max(b - a for a, b in pairwise(fed)) <= WATCHDOG_S / 2 + 0.1
-    assert len(fed) <= 61 / (WATCHDOG_S / 2) + 1
+    assert len(fed) <= 25 / (WATCHDOG_S / 2) + 1
 
 
 def test_a_chip_that_freezes_starves_the_watchdog() -> None:

@@ -32,7 +32,7 @@ class Told(FakeBus):
     taken = 0
 
     def _transfer(self, messages):
-        if FAULTS.exists():
+        if FAULTS.exists() and self.targets:
             lines = FAULTS.read_text().splitlines()
             for line in lines[self.taken:]:
                 self.adapter.faults.add(parse(line))

@@ -106,6 +106,26 @@ def test_a_chip_that_is_missing_at_boot_holds_up_nothing_and_is_found_when_it_co
     assert sum("no answer from address 0x68" in line for line in lines[4:]) == 1
 
 
+def test_a_chip_that_is_unplugged_for_long_ends_the_program_and_is_waited_for(tmp_path: Path) -> None:
+    told = in_systemd(
+        tmp_path,
+        """
+        use_bus told:still
+        edit <<< $'[Service]\\nRestartSec=100ms'
+        systemctl start quavelet@imu0
+        touch /run/absent
+        echo unplugged > /run/faults
+        until_true '[ "$(property NRestarts)" = 1 ] && property StatusText | grep -q "waiting for the chip"'
+        rm /run/absent /run/faults
+        until_true '[ "$(property ActiveState)" = active ]'
+        property NRestarts
+        told
+        """,
+    )
+    assert told.startswith("1\n"), told
+    assert "has given nothing for 10 s" in told
+
+
 def test_a_stop_is_heeded_while_the_chip_is_missing(tmp_path: Path) -> None:
     told = in_systemd(
         tmp_path,
