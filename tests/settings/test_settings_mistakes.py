@@ -81,6 +81,12 @@ def test_so_many_mistakes_give_so_many_lines_and_each_names_its_key(planted: lis
         assert [line for line in lines if table in line and named in line], (table, key, lines)
 
 
+def test_a_range_in_words_is_not_taken_for_the_key_that_is_called_to() -> None:
+    lines = told("[output.home]\nto = [true]\nrate_hz = 1e15\n")
+    assert len(lines) == 2
+    assert "output.home: rate_hz = 1e+15" in lines[1]
+
+
 @pytest.mark.parametrize("mistake", MISTAKES, ids=lambda mistake: f"{mistake[0]}.{mistake[1]}={mistake[2][:8]}")
 def test_each_mistake_by_itself_gives_one_line(mistake: Mistake) -> None:
     assert len(told(text_of([mistake]))) == 1

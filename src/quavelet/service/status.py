@@ -96,6 +96,7 @@ def _adjtimex() -> ctypes._NamedFuncPointer:
 
 
 @cache
+@cache
 def _version() -> str:
     return version("quavelet")
 

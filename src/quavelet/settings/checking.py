@@ -140,7 +140,9 @@ def _culprit(base: msgspec.Struct, values: dict[str, object], text: str) -> str 
 
 
 def _named(text: str, key: str) -> re.Match[str] | None:
-    return re.search(rf"(?<![\w.+'\"-]){re.escape(key)}(?![\w'\"])", text)
+    # "give 0 to 1000" does not speak of the key `to`.
+    end = "(?= =)" if key == "to" else "(?![\\w'\"])"
+    return re.search(rf"(?<![\w.+'\"-]){re.escape(key)}{end}", text)
 
 
 def _unknown(place: str, key: str, value: object, fields: Iterable[str]) -> str:
