@@ -39,7 +39,7 @@ WARM_UP_S = 3.0
 BOUND_S = 30.0
 CASES = ((200.0, 200.0), (1000.0, 200.0))
 """Samples a second of the chip, and drains."""
-MODES = ("alone", "one reader", "all outputs, 8 readers")
+MODES = ("alone", "one reader", "all outputs, 8 readers", "alone again")
 
 READERS = """
 import selectors, socket, sys
@@ -238,6 +238,11 @@ def ratios(rounds: list[Round]) -> list[float]:
     return [done[MODES[2]].late_p99_ms / done[MODES[0]].late_p99_ms for done in rounds]
 
 
+def noise(rounds: list[Round]) -> list[float]:
+    """The same of alone to alone: what the machine itself does to the figure."""
+    return [done[MODES[3]].late_p99_ms / done[MODES[0]].late_p99_ms for done in rounds]
+
+
 def report(sample_hz: float, loop_hz: float, rounds: list[Round]) -> Iterator[str]:
     """The lines of one case; medians of the rounds."""
     yield f"{sample_hz:.0f} samples/s, {loop_hz:.0f} drains/s, {len(rounds)} rounds"
@@ -254,8 +259,8 @@ def report(sample_hz: float, loop_hz: float, rounds: list[Round]) -> Iterator[st
             p50_ns, p99_ns = median(x.p50_ns for x in latencies), median(x.p99_ns for x in latencies)
             line += f", drain to output {p50_ns / 1e6:.2f} ms p50, {p99_ns / 1e6:.2f} ms p99"
         yield line
-    each = ratios(rounds)
-    yield f"  lateness p99, all to alone: {', '.join(f'{r:.2f}' for r in each)}; median {median(each):.2f}"
+    for words, each in (("all outputs to alone", ratios(rounds)), ("alone again to alone", noise(rounds))):
+        yield f"  lateness p99, {words}: {', '.join(f'{r:.2f}' for r in each)}; median {median(each):.2f}"
     for output in rounds[-1][MODES[2]].status.outputs:
         yield f"    {output.name:<14} {output.sent} sent, {output.lost} lost, {output.readers} readers, {output.state}"
 
@@ -264,8 +269,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seconds", type=float, default=20.0)
     parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--only", type=float, help="Samples a second of the one case that is wanted.")
     given = parser.parse_args()
-    for sample_hz, loop_hz in CASES:
+    for sample_hz, loop_hz in (case for case in CASES if given.only in (None, case[0])):
         for line in report(sample_hz, loop_hz, compare(sample_hz, loop_hz, seconds=given.seconds, rounds=given.rounds)):
             print(line, flush=True)
 

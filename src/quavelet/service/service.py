@@ -14,6 +14,7 @@ from quavelet.core.errors import BusError, ImuError
 from quavelet.core.units import NS_PER_MS, NS_PER_S
 from quavelet.imu import Imu
 from quavelet.loop.hub import Hub, Policy
+from quavelet.loop.others import keep_others_running
 from quavelet.loop.realtime import apply_realtime
 from quavelet.mpu6050.drain import Drain
 from quavelet.mpu6050.stream import StreamInfo
@@ -96,6 +97,7 @@ class Service:
         self.recorder: RotatingRecorder | None = None
         self._writer: RecordingWriter | None = None
         self._stopped = False
+        self._is_punctual = False
         self._reload_asked = False
         self._reading: Reading | None = None
         self._missing = "", 0
@@ -237,6 +239,8 @@ class Service:
             found, merged = changes(self.settings, read), with_hot(self.settings, read)
             if found.hot:
                 self.outputs.change(merged)
+                if self._is_punctual:
+                    keep_others_running()
             self.settings = merged
         except ImuError as error:
             refused = f"the settings are refused, the old ones stay in force: {error}"
@@ -320,6 +324,7 @@ class Service:
         return self.imu.calibration_text if self.imu else ""
 
     def _be_punctual(self, stack: ExitStack) -> None:
-        realtime = stack.enter_context(apply_realtime(self.settings.loop))
-        for setting in realtime.report:
+        report = stack.enter_context(apply_realtime(self.settings.loop)).report
+        self._is_punctual = any(setting.name == "priority" and setting.done for setting in report)
+        for setting in (*report, keep_others_running()) if self._is_punctual else report:
             self.talk(f"{setting.name}: {'done' if setting.done else 'refused'}, {setting.detail}")
