@@ -119,7 +119,7 @@ def test_a_restart_in_good_order_goes_on_too(tmp_path: Path) -> None:
 
 def test_nothing_is_kept_of_a_chip_that_was_lost(tmp_path: Path) -> None:
     bed = Bed(settings=PLAIN, environ={"RUNTIME_DIRECTORY": str(tmp_path), "QUAVELET_BOOT_ID": BOOT})
-    bed.clock.at(12.0, lambda: bed.fault("unplugged"))
+    bed.clock.at(7.5, lambda: bed.fault("unplugged"))
     with pytest.raises(DeviceLost):
         bed.service.run()
     assert list(tmp_path.iterdir()) == []
@@ -175,23 +175,23 @@ class Wobbling(EulerMotion):
 def test_a_board_that_was_killed_while_it_moved_begins_afresh(tmp_path: Path) -> None:
     file = tmp_path / "imu.state"
     environ = {"RUNTIME_DIRECTORY": str(tmp_path), "QUAVELET_BOOT_ID": BOOT}
-    bed = Bed(TurnsAt13(), settings=PLAIN, environ=environ)
-    # At 12 s the file says that it is still; the turn begins at 13 s, and the kill comes long before the next copy.
-    bed.clock.at(12.0, lambda: shutil.copy(file, tmp_path / "before"))
-    bed.clock.at(14.8, lambda: shutil.copy(file, tmp_path / "after"))
-    bed.run(until_s=15.0)
+    bed = Bed(TurnsAt8(), settings=PLAIN, environ=environ)
+    # At 7.5 s the file says that it is still; the turn begins at 8 s, and the kill comes long before the next copy.
+    bed.clock.at(7.5, lambda: shutil.copy(file, tmp_path / "before"))
+    bed.clock.at(9.8, lambda: shutil.copy(file, tmp_path / "after"))
+    bed.run(until_s=10.0)
     assert read_state(tmp_path / "before").still
     assert not read_state(tmp_path / "after").still
 
 
 @dataclass(frozen=True, slots=True)
-class TurnsAt13(EulerMotion):
-    """Still for 13 s, then turning about the vertical."""
+class TurnsAt8(EulerMotion):
+    """Still for 8 s, then turning about the vertical."""
 
     def euler_rad(self, t_s: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         angles, rates = np.zeros((len(t_s), 3)), np.zeros((len(t_s), 3))
-        angles[:, 2] = 0.5 * np.maximum(0.0, t_s - 13.0)
-        rates[:, 2] = np.where(t_s > 13.0, 0.5, 0.0)
+        angles[:, 2] = 0.5 * np.maximum(0.0, t_s - 8.0)
+        rates[:, 2] = np.where(t_s > 8.0, 0.5, 0.0)
         return angles, rates
 
 
