@@ -24,6 +24,7 @@ from quavelet.settings import (
 )
 
 GAIN = st.floats(0.0, 100.0)
+PRINTABLE = st.text(max_size=128).filter(str.isprintable)
 SETTINGS = st.builds(
     Settings,
     bus=st.builds(BusSettings, name=st.text(), address=st.integers(0x08, 0x77)),
@@ -38,10 +39,10 @@ SETTINGS = st.builds(
             OutputSettings, to=st.just("tcp:[::1]:5555") | st.just('unix:/run/\u00e4 "x"'), rate_hz=st.floats(0.0, 1e3)
         )
         | st.builds(
-            OutputSettings, to=st.just("mqtt:here"), mqtt=st.builds(MqttSettings, user=st.text(), qos=st.just(2))
+            OutputSettings, to=st.just("mqtt:here"), mqtt=st.builds(MqttSettings, user=PRINTABLE, qos=st.just(2))
         ),
         max_size=3,
-    ),
+    ).filter(lambda outputs: sum(output.to == "mqtt:here" for output in outputs.values()) < 2),
     filter=st.builds(FilterParams, kind=st.just("pid"), kp=GAIN, ki=GAIN, kd=GAIN, integral_limit_rad_s=GAIN),
 )
 
