@@ -19,7 +19,9 @@ from pathlib import Path
 import msgspec
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "service"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "contract"))
 
+from mosquitto_broker import MOSQUITTO, Broker, free_port
 from service_bed import Bed, EventClock, Kept
 
 from hw_fakes import Tilt
@@ -57,11 +59,13 @@ class Forgets(Kept):
         del message
 
 
-def settings_in(folder: Path, datagrams: int, metrics: int) -> Settings:
-    """All there is: a socket file and a port for readers, datagrams in every encoding, figures, recordings."""
+def settings_in(folder: Path, datagrams: int, metrics: int, broker: Broker | None) -> Settings:
+    """All there is: a socket file and a port for readers, datagrams in every encoding, a broker where mosquitto is
+    installed, figures, recordings."""
     outputs = {
         "socket": OutputSettings(to=f"unix:{folder}/out.sock"),
         "port": OutputSettings(to="tcp:127.0.0.1:0", encoding="nmea"),
+        **({"home": OutputSettings(to=f"mqtt:127.0.0.1:{broker.port}")} if broker else {}),
         **{kind: OutputSettings(to=f"udp:127.0.0.1:{datagrams}", encoding=kind) for kind in DATAGRAMS},
         "slow": OutputSettings(to=f"udp:127.0.0.1:{datagrams}", rate_hz=10.0, dead_band_deg=0.5),
     }
@@ -83,10 +87,11 @@ def soak(samples: int, folder: Path, *, tell: Callable[[str], object] = len) -> 
     with ExitStack() as stack:
         sink = stack.enter_context(closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)))
         sink.bind(("127.0.0.1", 0))
-        with closing(socket.socket()) as probe:
-            probe.bind(("127.0.0.1", 0))
-            metrics = probe.getsockname()[1]
-        settings = settings_in(folder, sink.getsockname()[1], metrics)
+        metrics, broker = free_port(), Broker(folder) if MOSQUITTO else None
+        if broker:
+            broker.start()
+            stack.callback(broker.kill)
+        settings = settings_in(folder, sink.getsockname()[1], metrics, broker)
         (folder / "rec").mkdir()
         bed = Bed(Tilt(), settings=settings, clock=EventClock())
         bed.kept = Forgets()
