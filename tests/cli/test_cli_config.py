@@ -42,7 +42,7 @@ SETTINGS = st.builds(
             OutputSettings, to=st.just("mqtt:here"), mqtt=st.builds(MqttSettings, user=PRINTABLE, qos=st.just(2))
         ),
         max_size=3,
-    ).filter(lambda outputs: sum(output.to == "mqtt:here" for output in outputs.values()) < 2),
+    ).filter(lambda outputs: len({output.to for output in outputs.values()}) == len(outputs)),
     filter=st.builds(FilterParams, kind=st.just("pid"), kp=GAIN, ki=GAIN, kd=GAIN, integral_limit_rad_s=GAIN),
 )
 

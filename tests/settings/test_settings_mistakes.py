@@ -87,6 +87,17 @@ def test_a_range_in_words_is_not_taken_for_the_key_that_is_called_to() -> None:
     assert "output.home: rate_hz = 1e+15" in lines[1]
 
 
+def test_a_word_that_is_not_known_is_told_with_those_that_are() -> None:
+    (line,) = told('[output.a]\nto = "udp:h:1"\nencoding = "nmeaa"\n')
+    assert line.endswith("give 'json' or 'nmea' or 'signalk' or 'influx' or 'opentrack' or 'mavlink'")
+
+
+@pytest.mark.parametrize("to", ["tcp:127.0.0.1:10110", "unix:/run/a.sock"])
+def test_two_outputs_that_would_listen_at_one_place_are_one_mistake(to: str) -> None:
+    (line,) = told(f'[output.a]\nto = "{to}"\n[output.b]\nto = "{to}"\n')
+    assert line == f"outputs 'a' and 'b' both listen at {to}: give one another"
+
+
 @pytest.mark.parametrize("mistake", MISTAKES, ids=lambda mistake: f"{mistake[0]}.{mistake[1]}={mistake[2][:8]}")
 def test_each_mistake_by_itself_gives_one_line(mistake: Mistake) -> None:
     assert len(told(text_of([mistake]))) == 1

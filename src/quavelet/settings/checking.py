@@ -11,7 +11,7 @@ import re
 from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
 from math import isfinite
-from typing import TypeVar
+from typing import Literal, TypeVar, get_args, get_origin
 
 import msgspec
 
@@ -93,6 +93,8 @@ class _Checking:
             values[key] = msgspec.convert(value, kind)
         except (msgspec.ValidationError, OverflowError) as error:
             text, _, below = str(error).partition(" - at `$")
+            if get_origin(kind) is Literal:
+                text = f"{text}: give {' or '.join(map(repr, get_args(kind)))}"
             self._tell(name, f"{name}{below.rstrip('`').replace('[...]', '')}: {text}")
 
     def _struct(self, base: S, values: dict[str, object], place: str) -> S:

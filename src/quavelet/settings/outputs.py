@@ -161,7 +161,18 @@ def output_faults(outputs: dict[str, OutputSettings]) -> list[str]:
     stdout = [name for name, output in outputs.items() if output.to == "stdout"]
     if len(stdout) > 1:
         faults.append(f"outputs {' and '.join(map(repr, stdout))} all go to stdout: leave one")
-    return [*faults, *_broker_faults(outputs)]
+    return [*faults, *_listener_faults(outputs), *_broker_faults(outputs)]
+
+
+def _listener_faults(outputs: dict[str, OutputSettings]) -> Iterable[str]:
+    """Of outputs that would listen at one place."""
+    places: dict[str, str] = {}
+    for name, output in outputs.items():
+        at = output.destination
+        if at.way == "unix" or (at.way == "tcp" and at.port):
+            other = places.setdefault(output.to, name)
+            if other != name:
+                yield f"outputs {other!r} and {name!r} both listen at {output.to}: give one another"
 
 
 def _broker_faults(outputs: dict[str, OutputSettings]) -> Iterable[str]:

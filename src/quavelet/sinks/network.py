@@ -163,7 +163,7 @@ class Network:
             try:
                 went = part.write(message)
             except (ImuError, OSError) as error:
-                self._fail(part, str(error) or type(error).__name__)
+                self._fail(part, _why(error))
             except Exception as error:  # noqa: BLE001
                 self._fail(part, self._mistake(part, error))
             else:
@@ -246,7 +246,7 @@ class Network:
         try:
             await part.open()
         except (ImuError, OSError) as error:
-            return str(error) or type(error).__name__
+            return _why(error)
         except Exception as error:  # noqa: BLE001
             return self._mistake(part, error)
         self._failures.pop(part, None)
@@ -274,3 +274,9 @@ class Network:
         for _ in range(3):
             await asyncio.sleep(0)
         self._loop.stop()
+
+
+def _why(error: BaseException) -> str:
+    """In words, without the number of an error of the system."""
+    system = error.strerror if isinstance(error, OSError) and not isinstance(error, ImuError) else None
+    return system or str(error) or type(error).__name__
