@@ -14,6 +14,7 @@ import urllib.request
 from collections.abc import Callable
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, field
+from importlib.util import find_spec
 from pathlib import Path
 
 import msgspec
@@ -33,7 +34,7 @@ from quavelet.sinks.status import Status
 
 RATE_HZ, LOOP_HZ = 1000.0, 100.0
 BOUND_MB = 20.0
-DATAGRAMS = ("json", "nmea", "signalk", "influx", "opentrack", "mavlink")
+DATAGRAMS = ("json", "nmea", "signalk", "influx", "opentrack", *(("mavlink",) if find_spec("pymavlink") else ()))
 
 
 @dataclass

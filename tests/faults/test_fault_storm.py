@@ -33,7 +33,10 @@ def check(out: Outcome) -> None:
     assert out.resident_mb[1] < out.resident_mb[0] + 40.0
 
 
-@pytest.mark.parametrize(("seed", "wired"), [(1, False), (None, False), (None, True)])
+@pytest.mark.parametrize(
+    ("seed", "wired"),
+    [(1, False), (2, True), *(pytest.param(None, wired, marks=pytest.mark.slow) for wired in (False, True))],
+)
 def test_storm_of_every_fault_lets_something_wrong_through(seed, wired):
     out = storm(seed=secrets.randbits(31) if seed is None else seed, transactions=30_000, wired=wired)
     check(out)

@@ -109,6 +109,10 @@ def network(*, wait_for_room: bool = True) -> Iterator[Rig]:
         rig.network.close()
 
 
+MESSAGE_DECODER = msgspec.json.Decoder(Message)
+"""Made once, on one thread: msgspec looks into a type at its first use, and two threads that do so at once crash."""
+
+
 class ReadingEnd:
     """A connection whose lines are taken apart."""
 
@@ -122,7 +126,7 @@ class ReadingEnd:
 
     def times(self, n: int) -> list[int]:
         """Of the next n messages, which must be whole."""
-        return [msgspec.json.decode(self.line(), type=Message).t_ns for _ in range(n)]
+        return [MESSAGE_DECODER.decode(self.line()).t_ns for _ in range(n)]
 
     def is_closed(self) -> bool:
         try:
