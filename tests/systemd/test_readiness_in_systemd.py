@@ -174,7 +174,7 @@ def test_a_killed_service_goes_on_with_its_yaw(tmp_path: Path) -> None:
         # Turned, and still for as long as it takes to say so.
         sleep 20
         ls /run/quavelet/imu0.state
-        systemctl kill --signal=KILL quavelet@imu0
+        systemctl kill --kill-whom=main --signal=KILL quavelet@imu0
         until_true '[ "$(property NRestarts)" = 1 ] && [ "$(property ActiveState)" = active ]'
         property StatusText
         told

@@ -67,7 +67,7 @@ def test_a_killed_service_comes_back(tmp_path: Path) -> None:
         """
         edit <<< $'[Service]\\nRestartSec=100ms'
         systemctl start quavelet@imu0
-        systemctl kill --signal=KILL quavelet@imu0
+        systemctl kill --kill-whom=main --signal=KILL quavelet@imu0
         until_true '[ "$(property NRestarts)" -ge 1 ] && [ "$(property ActiveState)" = active ]'
         echo back
         """,
