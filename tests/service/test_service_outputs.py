@@ -87,7 +87,8 @@ def test_an_output_that_is_changed_on_reload_gives_way_and_the_others_go_on() ->
         assert times(stays, len(sent)) == sent
         assert times(old, 1)[0] in sent[:300]
         late = times(new, 1)
-        assert late[0] >= 3_000_000_000
+        # Of virtual time up to 256 messages wait for the network's thread, and go to whoever is there.
+        assert late[0] >= 400_000_000
         assert [output.name for output in bed.service.status().outputs] == ["stays", "x"]
 
 
