@@ -23,8 +23,9 @@ if __name__ == "__main__":
 
 import msgspec
 import numpy as np
-from mosquitto_broker import Broker, eventually
+from mosquitto_broker import Broker
 from output_plans import MESSAGE, mqtt_plan
+from waiting import eventually
 
 from quavelet.sinks.encodings.json import Json
 from quavelet.sinks.transports.mqtt import MqttTransport

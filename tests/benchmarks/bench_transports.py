@@ -14,7 +14,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 if __name__ == "__main__":
-    sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "sinks"))
+    for room in ("sinks", "contract"):
+        sys.path.insert(0, str(Path(__file__).resolve().parent.parent / room))
 
 import msgspec
 from network_rig import MESSAGE, plan

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Self
 
 import pytest
+from waiting import eventually
 
 MOSQUITTO = shutil.which("mosquitto") or shutil.which("mosquitto", path="/usr/sbin")
 needs_mosquitto = pytest.mark.skipif(
@@ -30,16 +31,6 @@ def free_port() -> int:
     with socket.socket() as one:
         one.bind(("127.0.0.1", 0))
         return int(one.getsockname()[1])
-
-
-def eventually(what: Callable[[], bool], *, within_s: float = 10.0) -> bool:
-    """Whether it comes about."""
-    deadline_s = time.monotonic() + within_s
-    while not what():
-        if time.monotonic() > deadline_s:
-            return False
-        time.sleep(0.02)
-    return True
 
 
 class Broker:

@@ -10,7 +10,8 @@ from pathlib import Path
 
 import msgspec
 import pytest
-from mosquitto_broker import Broker, Listener, eventually, needs_mosquitto
+from mosquitto_broker import Broker, Listener, needs_mosquitto
+from waiting import eventually
 
 from quavelet.sinks.identity import Identity
 from quavelet.sinks.message import Message

@@ -1,42 +1,26 @@
 """A network's thread with outputs on it, and readers of what they send."""
 
 import socket
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 import msgspec
+import output_plans
+from waiting import eventually
 
 from quavelet.core.clock import VirtualClock
-from quavelet.loop.deadline import LoopStats
 from quavelet.settings import OutputSettings
 from quavelet.sinks.message import Message
 from quavelet.sinks.network import Network
 from quavelet.sinks.output import Output
 from quavelet.sinks.outputs import make_output
 from quavelet.sinks.plan import OutputPlan
-from quavelet.sinks.status import ClockStatus, OutputStatus, Status
+from quavelet.sinks.status import OutputStatus, Status
 
 BOUND_S = 20.0
 
-MESSAGE = Message(
-    t_ns=0,
-    q=(1.0, 0.0, 0.0, 0.0),
-    roll_deg=0.0,
-    pitch_deg=0.0,
-    yaw_deg=0.0,
-    sigma_deg=(0.1, 0.1, 0.1),
-    gyro_rad_s=(0.0, 0.0, 0.0),
-    accel_m_s2=(0.0, 0.0, 9.80665),
-    temp_degc=25.0,
-    gyro_bias_rad_s=(0.0, 0.0, 0.0),
-    still=True,
-    flags=[],
-    gap_ns=0,
-    delay_ns=0,
-    src="fake:still",
-)
+MESSAGE = msgspec.structs.replace(output_plans.MESSAGE, t_ns=0, roll_deg=0.0, pitch_deg=0.0, yaw_deg=0.0)
 
 
 def message(n: int) -> Message:
@@ -45,19 +29,7 @@ def message(n: int) -> Message:
 
 
 def no_status() -> Status:
-    return Status(
-        name="imu",
-        src="fake:still",
-        fake=True,
-        address=0x68,
-        version="0",
-        uptime_s=0.0,
-        state="running",
-        health={},
-        loop=LoopStats(0, 0, 0, 0, 0, 0, 0, 0),
-        clock=ClockStatus(offset_ns=0),
-        pid=1,
-    )
+    return output_plans.STATUS
 
 
 def plan(to: str, **settings: object) -> OutputPlan:
@@ -67,10 +39,7 @@ def plan(to: str, **settings: object) -> OutputPlan:
 
 def until(condition: Callable[[], bool]) -> None:
     """Return as soon as it holds; fail when it does not within the bound."""
-    end_s = time.monotonic() + BOUND_S
-    while not condition():
-        assert time.monotonic() < end_s, "it never held"
-        time.sleep(0.001)
+    assert eventually(condition, within_s=BOUND_S, look_s=0.001), "it never held"
 
 
 class Rig:

@@ -14,9 +14,10 @@ from pathlib import Path
 
 import msgspec
 import pytest
-from mosquitto_broker import Broker, Listener, eventually, needs_mosquitto, soon
+from mosquitto_broker import Broker, Listener, needs_mosquitto, soon
 from mqtt_rig import connected, opened, payloads, plan_for, run, state_of
 from output_plans import MESSAGE, Service, mqtt_plan
+from waiting import eventually
 
 from quavelet.sinks.outputs import make_transport
 from quavelet.sinks.transports.backoff import Backoff
