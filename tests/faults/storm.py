@@ -22,8 +22,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "mpu6050"))
 from chip_rig import ADDRESS, config
 
 from hw_fakes import NOISE_ONLY, FakeBus, FakeDataReady, FakeMpu6050, Tilt
+from hw_fakes.faults.engine import Faults
 from hw_fakes.faults.plan import parse
-from quavelet.core.blocks import Flag, RawBlock
+from quavelet.core.blocks import CountArray, Flag, RawBlock
 from quavelet.core.clock import VirtualClock
 from quavelet.core.errors import ImuError
 from quavelet.core.health import Health
@@ -46,16 +47,18 @@ KEPT_FRAMES = 20_000
 WIRE_SHARE = 0.75
 DATA_KINDS = ("flip", "torn", "garbage")
 """They can spoil words of a frame and leave all the rest plausible."""
+ANY: frozenset[int] = frozenset()
+"""Nobody knows which."""
 
 
 class Known:
     """What a chip has put into its FIFO, frame by frame, newest last: what is given out is compared with it.
 
-    Frames are found by all their fourteen bytes; noise makes each one of its kind.
+    Frames are found by all their fourteen bytes; noise makes each one of its kind, but for those of a frozen chip.
     """
 
     def __init__(self, chip: FakeMpu6050) -> None:
-        self.frames: dict[bytes, int] = {}
+        self.frames: dict[bytes, set[int]] = {}
         self.by_number: dict[int, bytes] = {}
         self.number = 0
         push = chip.fifo.push
@@ -64,11 +67,14 @@ class Known:
             for at in range(0, len(data) - 13, 14):
                 frame = bytes(data[at : at + 14])
                 self.number += 1
-                self.frames[frame] = self.number
+                self.frames.setdefault(frame, set()).add(self.number)
                 self.by_number[self.number] = frame
             while len(self.by_number) > KEPT_FRAMES:
                 oldest = next(iter(self.by_number))
-                self.frames.pop(self.by_number.pop(oldest), None)
+                frame = self.by_number.pop(oldest)
+                self.frames[frame].remove(oldest)
+                if not self.frames[frame]:
+                    del self.frames[frame]
             return push(data)
 
         chip.fifo.push = pushed
@@ -153,7 +159,7 @@ def storm(
         often = f"p={p * share:.9f}" if p is not None else f"per_minute={(per_minute or 1.0) * share:.9f}"
         faults.add(parse(f"{text} {often} seed={seed}"))
     source, pipeline = fresh(), build_pipeline(settings)
-    last_t_ns, last_number = 0, None
+    last_t_ns, last = 0, ANY
     begin_ns, began_s = clock.now_ns(), time.monotonic()
     warm = 0.1
     while True:
@@ -176,14 +182,14 @@ def storm(
         except ImuError as error:
             name = type(error).__name__
             out.errors[name] = out.errors.get(name, 0) + 1
-            source, last_number = fresh(), None
+            source, last = fresh(), ANY
             continue
         if not len(block):
             continue
         out.samples += len(block)
         out.backwards += int((np.diff(block.t_ns, prepend=last_t_ns) <= 0).sum())
         last_t_ns = int(block.t_ns[-1])
-        last_number = _compared(out, block, known, last_number, faults)
+        last = _compared(out, block, known, last, faults)
         if attitude:
             pipeline.process(block)
         if len(faults.history) > 1000:
@@ -207,39 +213,40 @@ def _spoilt(history) -> int:
     return sum(it.kind.name in DATA_KINDS and it.touch.register == 0x74 for it in history)
 
 
-def _compared(out: Outcome, block: RawBlock, known: Known, last: int | None, faults) -> int | None:
-    """Compare each sample with what the chip made; the number of the last one."""
+def _compared(out: Outcome, block: RawBlock, known: Known, last: frozenset[int], faults: Faults) -> frozenset[int]:
+    """Compare each sample with what the chip made. last: which of its frames the sample before may have been."""
     rows = block.counts.astype(">i2")
     flagged = (block.flags & ~np.uint32(Flag.CLOCK_UNSURE)) != 0
     for k in range(len(rows)):
-        frame = rows[k].tobytes()
-        # A frozen chip's frames are all alike.
-        number = known.frames.get(frame)
-        if last is not None and known.by_number.get(last + 1) == frame:
-            number = last + 1
-        if number is not None and number == last:
-            last = None
-            continue
-        if number is None:
+        may_be = known.frames.get(rows[k].tobytes(), ANY)
+        if not may_be:
             if not flagged[k]:
                 out.wrong.append(_how_wrong(block, rows[k], k, known, last, faults))
-            last = None if last is None else last + 1
+            last = frozenset(number + 1 for number in last)
             continue
-        if last is not None and number != last + 1 and not block.flags[k] & (Flag.GAP | Flag.STUCK):
+        if not last:
+            last = frozenset(may_be)
+            continue
+        follows = frozenset(number for number in may_be if number - 1 in last)
+        if block.flags[k] & (Flag.GAP | Flag.STUCK):
+            follows = frozenset(number for number in may_be if number > min(last))
+        elif not follows:
             # A whole frame that vanishes out of the FIFO leaves no trace in what is read.
-            vanished = number == last + 2 and any(it.touch.what.startswith("14 bytes") for it in faults.history)
+            vanished = any(number - 2 in last for number in may_be) and any(
+                it.touch.what.startswith("14 bytes") for it in faults.history
+            )
             out.vanished += vanished
             out.unsaid += not vanished
-        last = None if block.flags[k] & Flag.STUCK else number
+        last = follows or frozenset(may_be)
     return last
 
 
-def _how_wrong(block: RawBlock, row, k: int, known: Known, last: int | None, faults) -> tuple[str, int, float]:
+def _how_wrong(
+    block: RawBlock, row: CountArray, k: int, known: Known, last: frozenset[int], faults: Faults
+) -> tuple[str, int, float]:
     spoilt = [it for it in faults.history if it.touch.register == 0x74]
     what = f"{spoilt[-1].kind.name}: {spoilt[-1].touch}" if spoilt else "nothing"
-    if last is None:
-        return what, -1, 0.0
-    true = known.by_number.get(last + 1)
+    true = known.by_number.get(min(last) + 1) if last else None
     if true is None:
         return what, -1, 0.0
     off = np.abs(np.frombuffer(true, ">i2").astype(np.int64) - row.astype(np.int64))
