@@ -22,6 +22,7 @@ from quavelet.settings import (
     load_settings,
     parse_settings,
 )
+from quavelet.settings.reference_page import reference_page
 
 GAIN = st.floats(0.0, 100.0)
 PRINTABLE = st.text(max_size=128).filter(str.isprintable)
@@ -73,3 +74,11 @@ def test_each_value_is_shown_with_its_origin(tmp_path: Path) -> None:
     printed = tmp_path / "printed.toml"
     printed.write_text(done.out)
     assert load_settings(printed).settings == load_settings(path, options={"bus.name": "fake:still"}).settings
+
+
+def test_the_reference_is_printed_whatever_the_settings(tmp_path: Path) -> None:
+    path = tmp_path / "imu.toml"
+    path.write_text("[chip]\ndlpf = 4\n")
+    done = quavelet("config", "--reference", "--config", path)
+    assert (done.code, done.err) == (exits.OK, "")
+    assert done.out == reference_page()

@@ -46,12 +46,29 @@ def test_the_outputs_in_it_load_once_their_marks_are_taken_away(tmp_path: Path) 
 def test_every_key_is_explained_in_its_struct_and_nothing_else_is(struct: type[msgspec.Struct]) -> None:
     head, lines = meanings(struct)
     assert head.endswith(".") or ":" in head
-    first = struct.__struct_fields__[0]
-    assert lines[first], "the first key has words of its own"
-    text = struct.__doc__ or ""
-    for key in struct.__struct_fields__:
-        assert re.search(rf"(?<!\w){key}(?!\w)", text), f"{key} is not explained"
-    assert set(lines) <= set(struct.__struct_fields__)
+    # One that is explained with the one before has an entry all the same, without words.
+    assert list(lines) == list(struct.__struct_fields__)
+    assert lines[struct.__struct_fields__[0]]
+    for key, before in zip(list(lines)[1:], lines, strict=False):
+        entry = re.search(rf"(?m)^ *([\w, ]*\b{key}\b[\w, ]*?)  ", struct.__doc__ or "")
+        assert entry, key
+        assert lines[key] or before in entry[1].split(", "), key
+
+
+@pytest.mark.parametrize("struct", STRUCTS, ids=lambda struct: struct.__name__)
+def test_no_text_has_run_into_that_of_another_key(struct: type[msgspec.Struct]) -> None:
+    """A docstring that was wrapped anew loses its columns, and one key's words become another's."""
+    keys = "|".join(struct.__struct_fields__)
+    for key, text in meanings(struct)[1].items():
+        for line in text:
+            assert not re.search(rf"(?<![\w\"])({keys}) {{2,}}\S", line), f"{key}: {line}"
+    _, _, entries = (struct.__doc__ or "").partition("\n\n")
+    column = 0
+    for line in entries.rstrip(" ").splitlines():
+        entry = re.match(rf" {{4}}(?:{keys})(?:, \w+)* {{2,}}(?=\S)", line)
+        column = column if entry is None else entry.end()
+        assert not line or line[:column].strip() == "" or entry, f"not at its entry's column: {line}"
+        assert not line or line[column:], line
 
 
 @pytest.mark.parametrize("struct", STRUCTS, ids=lambda struct: struct.__name__)

@@ -56,8 +56,9 @@ class HeadingParams(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
     field_ut            strength of the Earth's field where it was calibrated; a first fix is not taken where it is
                         unlike that. 0: not known
     declination_deg     of the place, degrees east of true north, such as 4.2; "none": heading counts from magnetic
-    north tau_s               time constant with which the magnetometer is followed; the gyroscope bridges what is
-    faster"""
+                        north
+    tau_s               time constant with which the magnetometer is followed; the gyroscope bridges what is faster
+    """
 
     hard_iron_ut: tuple[float, ...] = ()
     hard_iron_sigma_ut: float = 1.0

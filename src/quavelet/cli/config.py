@@ -9,11 +9,15 @@ import msgspec
 import typer
 
 from quavelet.cli import exits, options
-from quavelet.settings import LoadedSettings, Table, Value, as_tables, reference
+from quavelet.settings import LoadedSettings, Table, Value, as_tables
+from quavelet.settings.reference import example as sample
+from quavelet.settings.reference import toml_value
+from quavelet.settings.reference_page import reference_page
 from quavelet.sinks.message import Message
 
 Schema = Annotated[bool, typer.Option("--schema", help="The JSON schema of the messages, instead.")]
 Example = Annotated[bool, typer.Option("--example", help="A commented file with every key at its default, instead.")]
+Reference = Annotated[bool, typer.Option("--reference", help="Every key in Markdown tables, instead.")]
 AsJson = Annotated[bool, typer.Option("--json", help="As JSON, each value with its origin.")]
 
 
@@ -25,10 +29,11 @@ def config(
     json: AsJson = False,
     schema: Schema = False,
     example: Example = False,
+    reference: Reference = False,
 ) -> None:
     """Show the settings in force as a TOML file, each with its origin; what it prints can be used as one."""
-    if example:
-        exits.put(reference.example().rstrip("\n"))
+    if example or reference:
+        exits.put((sample() if example else reference_page()).rstrip("\n"))
         return
     if schema:
         _print_json(msgspec.json.schema(Message))
@@ -70,7 +75,7 @@ def _with_origins(table: Table, origin: Mapping[str, str], name: str) -> dict[st
 
 def _toml_line(key: str, value: Value, origin: str) -> str:
     comment = "".join(c if c.isprintable() else "?" for c in origin)
-    return f"{f'{key} = {reference.toml_value(key, value)}':<36}# {comment}"
+    return f"{f'{key} = {toml_value(key, value)}':<36}# {comment}"
 
 
 def _print_json(value: object) -> None:

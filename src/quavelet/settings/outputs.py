@@ -40,7 +40,7 @@ class MqttSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     password_file      a file that holds nothing but the password; "": none. Readable by the service's user alone
     ca_file            certificates that the broker's must be signed by (mqtts); "": those of the system
     certificate        our own, PEM, with its key in key_file; "": none
-    key_file           of the certificate
+    key_file           the key of the certificate, PEM
     qos                how hard is tried: at most once, at least once, exactly once
     client_id          "auto": one of its own for every output of every machine
     home_assistant     announce the sensors to Home Assistant

@@ -59,7 +59,7 @@ def toml_value(key: str, value: object) -> str:
 
 
 def meanings(struct: type[msgspec.Struct]) -> tuple[str, dict[str, list[str]]]:
-    """What a table is, and the lines of each key; a key that is explained together with the one before has none."""
+    """What a table is, and the lines of each key; one that is explained together with the one before has none."""
     head, *rest = cleandoc(struct.__doc__ or "").split("\n\n")
     lines: dict[str, list[str]] = {}
     last: list[str] = []
@@ -69,6 +69,7 @@ def meanings(struct: type[msgspec.Struct]) -> tuple[str, dict[str, list[str]]]:
         if entry and entry[1] in struct.__struct_fields__:
             column = entry.end()
             last = lines[entry[1]] = [line[column:]]
+            lines |= {key: [] for key in entry[2].split(", ")[1:]}
         else:
             last.append(line[column:] if not line[:column].strip() else line.strip())
     return " ".join(head.split()), lines
@@ -78,10 +79,10 @@ def bounds(table: msgspec.Struct, key: str, kind: object) -> str:
     """What the key may be: the names its type has, or what the table says of an absurd number; "" where neither."""
     if get_origin(kind) is Literal:
         return "one of " + ", ".join(toml_value(key, value) for value in get_args(kind))
-    value = getattr(table, key)
-    if isinstance(value, bool) or not isinstance(value, int | float):
+    number = next((type_ for type_ in (int, float) if type_ in (kind, *get_args(kind))), None)
+    if number is None or get_origin(kind) is tuple:
         return ""
-    said = {_said_of(table, key, type(value)(absurd)) for absurd in (_ABSURD, -_ABSURD)}
+    said = {_said_of(table, key, number(absurd)) for absurd in (_ABSURD, -_ABSURD)}
     return said.pop() if len(said) == 1 else ""
 
 

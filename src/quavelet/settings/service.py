@@ -48,7 +48,7 @@ class RecordingSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknow
     directory      where they go; "": no recording
     file_mb        a new one is begun after so many MB (10^6 bytes)
     file_minutes   and after so many minutes
-    total_mb       the oldest are deleted so that all together never take more
+    total_mb       the oldest are deleted so that all together never take more; at least twice file_mb
     keep_free_mb   and so that others have so many MB of the disk left; 0: as long as it takes any
     fsync_s        the disk is waited for every so many seconds: what a power cut may cost. 0: when the system sees fit
     """
