@@ -37,7 +37,7 @@ def test_the_wheel_has_the_unit_and_the_rule(tmp_path: Path):
     build = [sys.executable, "-W", "ignore", "-c", "from setuptools import setup; setup()", *command]
     done = subprocess.run(build, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    for name in ("quavelet@.service", "60-quavelet.rules", "network.conf"):
+    for name in ("quavelet@.service", "60-quavelet.rules", "network.conf", "gpio.conf"):
         packed = tmp_path / "wheel" / "quavelet" / "service" / "systemd" / name
         assert packed.read_text() == (ROOT / "systemd" / name).read_text()
 

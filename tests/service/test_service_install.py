@@ -16,10 +16,11 @@ from typer.testing import CliRunner
 from quavelet.cli import exits
 from quavelet.cli.app import app
 from quavelet.core.errors import SettingsError
+from quavelet.service.gpio_on import gpio_advice
 from quavelet.service.i2c_on import i2c_advice
 from quavelet.service.install import PLACE, UNIT, Installation, shipped
 from quavelet.service.program import Program, this_program
-from quavelet.service.steps import InstallError, carry_out
+from quavelet.service.steps import InstallError, Step, carry_out
 from quavelet.settings import BusSettings, Settings, load_settings
 
 PROGRAM = Program(Path("/usr/bin/env"))
@@ -140,6 +141,140 @@ def test_the_network_is_opened_only_for_outputs_that_need_it(machine: Machine) -
         assert opened not in machine.files
 
 
+LINE = '[bus]\nint_line = "pinctrl-bcm2711:17"\n'
+GPIO = "etc/systemd/system/quavelet@imu0.service.d/gpio.conf"
+
+
+@pytest.mark.parametrize("text", ["", '[bus]\nname = "fake:tilt"\nint_line = "fake:int"\n'])
+def test_pins_are_shut_where_no_line_is_asked_of_this_machine(machine: Machine, text: str) -> None:
+    machine.install()
+    (machine.root / "etc/quavelet/imu0.toml").write_text(text)
+    machine.install()
+    assert GPIO not in machine.files
+    assert not any("gpio" in words for words in machine.commands + machine.said)
+
+
+def test_a_data_ready_line_gets_its_group_and_its_device_and_remove_takes_them(machine: Machine) -> None:
+    machine.install()
+    (machine.root / "etc/quavelet/imu0.toml").write_text(LINE)
+    machine.install("imu1")
+    machine.said.clear()
+    machine.commands.clear()
+    machine.install(dry_run=True)
+    assert (GPIO in machine.files, machine.commands) == (False, [])
+    dry, machine.said = machine.said, []
+    machine.install()
+    assert machine.said == dry
+    assert any("gpio.conf: the settings have a data-ready line at pinctrl-bcm2711" in words for words in dry)
+    assert machine.files[GPIO] == shipped("gpio.conf")
+    assert "groupadd --prefix ROOT --system gpio" in machine.commands
+    assert "imu1.service.d" not in "".join(machine.files), "only where a line is configured"
+    machine.remove()
+    assert GPIO not in machine.files
+
+
+def test_the_group_of_the_gpios_is_not_made_twice(machine: Machine) -> None:
+    machine.install()
+    machine.accounts((machine.root / "etc/passwd").read_text(), "i2c:x:998:quavelet\ngpio:x:986:\n")
+    (machine.root / "etc/quavelet/imu0.toml").write_text(LINE)
+    machine.install()
+    assert "the group gpio is there" in machine.said
+    assert not any("--system gpio" in command for command in machine.commands)
+
+
+def test_what_the_settings_need_no_more_is_shut_again(machine: Machine) -> None:
+    machine.install()
+    config = machine.root / "etc/quavelet/imu0.toml"
+    config.write_text(LINE + '[output.a]\nto = "udp:192.0.2.1:5555"\n')
+    machine.install()
+    folder = machine.root / GPIO
+    assert {path.name for path in folder.parent.iterdir()} == {"gpio.conf", "network.conf"}
+    config.write_text("")
+    words = [step.words for step in machine.of("imu0", live=True).install()]
+    assert any("systemctl restart" in word for word in words)
+    machine.install()
+    assert list(folder.parent.iterdir()) == []
+
+
+def test_what_is_missing_for_a_line_is_told(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr("quavelet.service.gpio_on.find_spec", lambda _: None)
+    package, chip = gpio_advice(Program(Path("/opt/my venv/bin/quavelet")), root=tmp_path)
+    assert "sudo '/opt/my venv/bin/pip' install 'quavelet[gpio]'" in package
+    assert "there is no /dev/gpiochip*" in chip
+    monkeypatch.setattr("quavelet.service.gpio_on.find_spec", lambda name: name)
+    (tmp_path / "dev").mkdir()
+    (tmp_path / "dev/gpiochip0").symlink_to("/dev/null")
+    (shut,) = gpio_advice(PROGRAM, root=tmp_path)
+    assert "/dev/gpiochip0 is not open to the group gpio: echo 'SUBSYSTEM==" in shut
+    # What is no device is not asked whom it is open to.
+    (tmp_path / "dev/gpiochip1").write_text("")
+    assert gpio_advice(PROGRAM, root=tmp_path) == []
+
+
+def test_a_unit_that_was_edited_is_replaced_and_kept(machine: Machine) -> None:
+    machine.install()
+    unit = machine.root / "etc/systemd/system/quavelet@.service"
+    texts = []
+    for edit in ("WatchdogSec=40", "WatchdogSec=50"):
+        texts.append(unit.read_text().replace("WatchdogSec=30", edit))
+        for _ in range(2):
+            unit.write_text(texts[-1])
+            machine.install()
+            assert "WatchdogSec=30" in unit.read_text()
+    # The same change kept twice is kept once.
+    kept = sorted(unit.parent.glob("*.old*"))
+    assert [path.read_text() for path in kept] == texts
+    assert any(f"replace {unit}, which differs and is kept as {kept[1].name}" in words for words in machine.said)
+    unit.write_text("mine")
+    machine.remove()
+    assert unit.with_name(f"{unit.name}.old3").read_text() == "mine"
+    assert not unit.exists()
+    machine.install()
+    machine.remove(purge=True)
+    assert machine.files == {}
+
+
+def test_a_unit_that_was_masked_is_kept_as_the_link_it_is(machine: Machine) -> None:
+    machine.install()
+    unit = machine.root / "etc/systemd/system/quavelet@.service"
+    unit.unlink()
+    unit.symlink_to("/dev/null")
+    machine.install()
+    assert not unit.is_symlink()
+    assert unit.with_name(f"{unit.name}.old").readlink() == Path("/dev/null")
+
+
+def test_a_drop_in_of_yours_is_left_and_said(machine: Machine) -> None:
+    machine.install()
+    mine = machine.root / "etc/systemd/system/quavelet@imu0.service.d/override.conf"
+    mine.parent.mkdir()
+    mine.write_text("[Service]\n")
+    machine.remove(purge=True)
+    assert mine.exists()
+    assert any("leave override.conf in" in words for words in machine.said)
+
+
+def test_settings_that_the_service_cannot_read_are_told(machine: Machine) -> None:
+    machine.install()
+    config = machine.root / "etc/quavelet/imu0.toml"
+    told = f"to do: sudo chgrp quavelet {config} && sudo chmod g+r {config}, which the service cannot read"
+    assert told not in [step.words for step in machine.of("imu0").install()]
+    config.chmod(0o640)
+    assert told in [step.words for step in machine.of("imu0").install()]
+    group = config.stat().st_gid
+    machine.accounts(f"quavelet:x:999:{group}::/:/usr/sbin/nologin\n", f"i2c:x:998:quavelet\nquavelet:x:{group}:\n")
+    assert told not in [step.words for step in machine.of("imu0").install()]
+    config.chmod(0o600)
+    assert told in [step.words for step in machine.of("imu0").install()]
+
+
+def test_a_bus_given_for_settings_that_are_there_is_not_taken_silently(machine: Machine) -> None:
+    machine.install()
+    (machine.root / "etc/quavelet/imu0.toml").write_text('[bus]\nname = "linux:3"\n')
+    machine.install(chip=BusSettings(name="linux:5", address=0x69))
+    assert any("which is yours and has linux:3 at 0x68, not linux:5 at 0x69" in words for words in machine.said)
+
+
 def test_settings_that_cannot_be_are_told_before_anything_is_done(machine: Machine) -> None:
     machine.install()
     (machine.root / "etc/quavelet/imu0.toml").write_text("[bus]\nadress = 1\n")
@@ -250,7 +385,7 @@ def test_the_first_step_that_fails_is_the_last(machine: Machine) -> None:
     assert machine.files == {}
 
 
-@pytest.mark.parametrize("name", ["", "../x", "a b", "x" * 33, "imu0.service", "%i", "ä"])
+@pytest.mark.parametrize("name", ["", "../x", "a b", "x" * 33, "imu0.service", "%i", "ä", "a\nb", "a@b", "$(a)", "*"])
 def test_a_name_that_could_lead_elsewhere_is_refused(machine: Machine, name: str) -> None:
     with pytest.raises(InstallError, match="is no name of a service"):
         machine.of(name)
@@ -263,7 +398,9 @@ def test_a_name_that_could_lead_elsewhere_is_refused(machine: Machine, name: str
         "/home/pi/venv/bin/quavelet",
         "/root/q/quavelet",
         "/tmp/q/quavelet",
-        "/usr/a b/quavelet",
+        '/usr/a"b/quavelet',
+        "/usr/a%b/quavelet",
+        "/usr/a\nb/quavelet",
         "quavelet",
     ],
 )
@@ -277,6 +414,18 @@ def test_a_venv_whose_python_lies_in_a_home_is_refused() -> None:
     why_not = Program(Path("/usr/bin/env"), (Path("/home/pi/.local/share/uv/python3"),)).why_not()
     assert why_not is not None
     assert why_not.startswith("/home/pi/.local/share/uv/python3 lies in /home")
+
+
+def test_a_program_in_a_folder_with_spaces_stands_in_quotes(
+    machine: Machine, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr("quavelet.service.program.HIDDEN", ())
+    monkeypatch.setattr("quavelet.service.program._shut", lambda _: None)
+    program = tmp_path / "my venv/bin/quavelet"
+    there = Installation("imu0", Program(program), machine.root, False, machine.run)
+    carry_out(there.install(), say=machine.said.append, dry_run=False)
+    unit = machine.files["etc/systemd/system/quavelet@.service"]
+    assert f'\nExecStart="{program}" run --config /etc/quavelet/%i.toml' in unit
 
 
 def test_a_folder_that_others_may_not_enter_is_told(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -341,6 +490,28 @@ def test_without_root_it_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> 
     assert str(result.exception).startswith("this needs root: sudo /usr/bin/env service remove")
     assert exits.exit_code(result.exception) == exits.FAILED
     assert CliRunner().invoke(app, ["service", "remove", "--dry-run"]).exit_code == exits.OK
+
+
+def test_that_it_needs_root_is_said_first_and_with_the_same_options(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is wrong besides may be wrong only for one who may not look."""
+    monkeypatch.setattr(os, "geteuid", lambda: 1000)
+    monkeypatch.setattr("quavelet.cli.service.this_program", lambda: Program(Path("/home/me/my venv/bin/quavelet")))
+    result = CliRunner().invoke(app, ["service", "install", "--name", "a b", "--bus", "linux:3"])
+    assert str(result.exception) == (
+        "this needs root: sudo '/home/me/my venv/bin/quavelet' service install --name 'a b' --bus linux:3, "
+        "or --dry-run to see each step"
+    )
+
+
+def test_a_dry_run_that_may_not_look_says_so(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    def shut(self: Installation, **_: object) -> list[Step]:
+        return [Step((self.root / "etc/quavelet/imu0.toml").read_text())]
+
+    monkeypatch.setattr(Installation, "install", shut)
+    (tmp_path / "etc").write_text("no folder")
+    result = CliRunner().invoke(app, ["service", "install", "--dry-run", "--root", str(tmp_path)])
+    assert isinstance(result.exception, InstallError)
+    assert str(result.exception) == f"{tmp_path}/etc/quavelet/imu0.toml: Not a directory: move it away first"
 
 
 @pytest.mark.skipif(os.geteuid() != 0 or not shutil.which("useradd"), reason="only root may make users, by useradd")

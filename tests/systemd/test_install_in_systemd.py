@@ -57,6 +57,32 @@ def test_a_machine_without_anything_runs_two_services_and_gives_them_back(tmp_pa
     ], told
 
 
+def test_a_data_ready_line_opens_the_pins_to_its_instance_only(tmp_path: Path) -> None:
+    told = in_systemd(
+        tmp_path,
+        FRESH
+        + """
+        groups() { systemctl show --value -p SupplementaryGroups "quavelet@$1"; }
+        devices() { systemctl show --value -p DeviceAllow "quavelet@$1" | grep gpiochip || echo "no pins"; }
+        groupdel gpio 2> /dev/null || true
+        $quavelet service install --no-start --bus fake:tilt > /run/done
+        sed -i 's/^int_line = .*/int_line = "pinctrl-bcm2711:17"/' /etc/quavelet/imu0.toml
+        $quavelet service install --no-start > /run/done
+        must 'getent group gpio'
+        must 'systemd-analyze verify --man=no quavelet@imu0.service'
+        for name in imu0 imu1; do groups $name; devices $name; done
+        # The group must be there, or nothing is started: with a line of the fake it runs.
+        sed -i 's/^int_line = .*/int_line = "fake:int"/' /etc/quavelet/imu0.toml
+        systemctl start quavelet@imu0
+        grep -c "\\b$(getent group gpio | cut -d: -f3)\\b" <(grep ^Groups: /proc/$(property MainPID)/status)
+        $quavelet service remove > /run/removed
+        must '[ ! -e /etc/systemd/system/quavelet@imu0.service.d/gpio.conf ]'
+        """,
+    )
+    lines = [line for line in told.splitlines() if not line.startswith("gpio:")]
+    assert lines == ["i2c gpio", "char-gpiochip rw", "i2c", "no pins", "1"], told
+
+
 def test_a_user_of_the_machine_is_told_that_it_needs_root(tmp_path: Path) -> None:
     told = in_systemd(
         tmp_path,

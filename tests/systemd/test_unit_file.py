@@ -13,6 +13,7 @@ import pytest
 
 from quavelet.cli import exits
 from quavelet.loop.kernel import DMA_LATENCY_PATH
+from quavelet.service.program import Program
 from quavelet.settings import Settings, load_settings
 from quavelet.settings.reference import example
 
@@ -34,6 +35,11 @@ def installed_unit(tmp_path: Path) -> Path:
     return path
 
 
+def with_drop_ins(unit: Path, names: tuple[str, ...]) -> None:
+    """A drop-in is read as if it stood at the unit's end."""
+    unit.write_text("\n".join([unit.read_text(), *((FOLDER / name).read_text() for name in names)]))
+
+
 def directives() -> list[tuple[str, str]]:
     lines = [line.strip() for line in UNIT.read_text().splitlines()]
     return [
@@ -44,11 +50,26 @@ def directives() -> list[tuple[str, str]]:
 
 
 @needs_analyze
-def test_systemd_ignores_no_line_of_the_unit(installed_unit: Path) -> None:
+@pytest.mark.parametrize("drop_ins", [(), ("network.conf",), ("gpio.conf",), ("network.conf", "gpio.conf")], ids=str)
+def test_systemd_ignores_no_line_of_the_unit(installed_unit: Path, drop_ins: tuple[str, ...]) -> None:
+    with_drop_ins(installed_unit, drop_ins)
     done = subprocess.run(
         ["systemd-analyze", "verify", "--man=no", installed_unit], capture_output=True, text=True, check=False
     )
     assert (done.returncode, done.stderr) == (0, "")  # an unknown key is told, and the exit code is 0 all the same
+
+
+@needs_analyze
+def test_a_program_in_a_folder_with_spaces_can_be_started(tmp_path: Path) -> None:
+    program = tmp_path / "my venv" / "bin" / "quavelet"
+    program.parent.mkdir(parents=True)
+    program.symlink_to(sys.executable)
+    path = tmp_path / UNIT.name
+    commands = ["systemd-analyze", "verify", "--man=no", path]
+    for written, told in ((Program(program).in_unit, ""), (str(program), f"{tmp_path}/my")):
+        path.write_text(UNIT.read_text().replace(PROGRAM, written))
+        done = subprocess.run(commands, capture_output=True, text=True, check=False)
+        assert (done.stderr == "") == (told == "") and told in done.stderr
 
 
 @needs_analyze
@@ -61,11 +82,19 @@ def test_verify_would_tell_of_an_unknown_key(installed_unit: Path) -> None:
 
 
 @needs_analyze
-@pytest.mark.parametrize(("drop_in", "limit"), [("", EXPOSURE_LIMIT), ("network.conf", NETWORK_EXPOSURE_LIMIT)])
-def test_the_service_is_not_more_exposed_than_it_was(installed_unit: Path, drop_in: str, limit: float) -> None:
-    if drop_in:
-        # A drop-in is read as if it stood at the unit's end.
-        installed_unit.write_text(installed_unit.read_text() + (FOLDER / drop_in).read_text())
+@pytest.mark.parametrize(
+    ("drop_ins", "limit"),
+    [
+        ((), EXPOSURE_LIMIT),
+        (("gpio.conf",), EXPOSURE_LIMIT),
+        (("network.conf",), NETWORK_EXPOSURE_LIMIT),
+        (("network.conf", "gpio.conf"), NETWORK_EXPOSURE_LIMIT),
+    ],
+)
+def test_the_service_is_not_more_exposed_than_it_was(
+    installed_unit: Path, drop_ins: tuple[str, ...], limit: float
+) -> None:
+    with_drop_ins(installed_unit, drop_ins)
     command = ["systemd-analyze", "security", "--offline=true", "--no-pager", f"--threshold={round(10 * limit)}"]
     done = subprocess.run([*command, installed_unit], capture_output=True, text=True, check=False)
     print(done.stdout.strip().splitlines()[-1])

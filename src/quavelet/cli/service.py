@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import shlex
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
@@ -11,7 +13,7 @@ import typer
 from quavelet.cli import exits, options
 from quavelet.service.install import Installation
 from quavelet.service.program import this_program
-from quavelet.service.steps import InstallError, carry_out
+from quavelet.service.steps import InstallError, Step, carry_out
 
 app = typer.Typer(help="Put the service in place on this machine, or take it away.", no_args_is_help=True)
 
@@ -33,10 +35,10 @@ def install(
 
     Settings that are there are kept; --bus and --address go into new ones.
     """
+    _needs_root(root, dry_run, "install", name=name, bus=bus, address=address)
     here = _installation(name, root)
     chip = None if bus is None and address is None else options.settings_of(bus, address, None).settings.bus
-    steps = here.install(chip=chip, start=not no_start)
-    _needs_root(here, dry_run, "install")
+    steps = _seen(lambda: here.install(chip=chip, start=not no_start))
     carry_out(steps, say=exits.put, dry_run=dry_run)
 
 
@@ -48,9 +50,9 @@ def remove(
     root: Root = Path("/"),
 ) -> None:
     """Stop the service and take away what `install` put in place; settings and recordings stay."""
+    _needs_root(root, dry_run, "remove", name=name)
     here = _installation(name, root)
-    steps = here.remove(purge=purge)
-    _needs_root(here, dry_run, "remove")
+    steps = _seen(lambda: here.remove(purge=purge))
     carry_out(steps, say=exits.put, dry_run=dry_run)
 
 
@@ -60,6 +62,20 @@ def _installation(name: str, root: Path) -> Installation:
     return Installation(name, this_program(), root, live)
 
 
-def _needs_root(here: Installation, dry_run: bool, what: str) -> None:
-    if not dry_run and here.root == Path("/") and os.geteuid() != 0:
-        raise InstallError(f"this needs root: sudo {here.program.path} service {what}, or --dry-run to see each step")
+def _seen(look: Callable[[], list[Step]]) -> list[Step]:
+    """The steps by what is there. Raises InstallError where that cannot be looked at."""
+    try:
+        return look()
+    except PermissionError as error:
+        raise InstallError(f"{error.filename}: {error.strerror}: a dry run sees it with sudo before it") from error
+    except OSError as error:
+        raise InstallError(f"{error.filename}: {error.strerror}: move it away first") from error
+
+
+def _needs_root(root: Path, dry_run: bool, what: str, **given: str | None) -> None:
+    """Before anything else is looked at: what it would find, another user may not even see."""
+    if dry_run or root.absolute() != Path("/") or os.geteuid() == 0:
+        return
+    options = [word for name, value in given.items() if value is not None for word in (f"--{name}", value)]
+    again = shlex.join([str(this_program().path), "service", what, *options])
+    raise InstallError(f"this needs root: sudo {again}, or --dry-run to see each step")

@@ -18,7 +18,7 @@ def i2c_advice(number: int, *, root: Path = Path("/")) -> list[str]:
     """What stands between /dev/i2c-`number` and its use, a sentence each; none where all is well."""
     device = f"/dev/i2c-{number}"
     there = (root / device[1:]).exists()
-    if there and not _is_open_to_group(root / device[1:]):
+    if there and not is_open_to_group(root / device[1:], GROUP):
         return [f"{device} is not open to the group i2c: sudo apt install i2c-tools, and reboot"]
     firmware = next((root / name for name in CONFIG_FILES if (root / name).is_file()), None)
     if firmware is None:
@@ -36,13 +36,13 @@ def i2c_advice(number: int, *, root: Path = Path("/")) -> list[str]:
     return []
 
 
-def _is_open_to_group(device: Path) -> bool:
-    """Whether the group i2c may use it, as the udev rule of i2c-tools has it; what is no device is not asked."""
+def is_open_to_group(device: Path, group: str) -> bool:
+    """Whether that group may use it, as a udev rule has it; what is no device is not asked."""
     found = device.stat()
     if not stat.S_ISCHR(found.st_mode):
         return True
     try:
-        return grp.getgrgid(found.st_gid).gr_name == GROUP and found.st_mode & 0o060 == 0o060
+        return grp.getgrgid(found.st_gid).gr_name == group and found.st_mode & 0o060 == 0o060
     except KeyError:
         return False
 

@@ -7,22 +7,25 @@ list, not carried out.
 from __future__ import annotations
 
 import re
-import shutil
 from dataclasses import dataclass
 from pathlib import Path
 
 import msgspec
 
+from quavelet.service import gpio_on
+from quavelet.service.drop_ins import DROP_INS, GPIO, needed
+from quavelet.service.files import gone, holds, kept_of, put, take
+from quavelet.service.gpio_on import gpio_advice
 from quavelet.service.i2c_on import GROUP, i2c_advice
 from quavelet.service.program import Program
 from quavelet.service.steps import InstallError, Run, Step, run_command, write_file
-from quavelet.settings import BusSettings, Settings, load_settings
+from quavelet.settings import BusSettings, load_settings
 from quavelet.settings.reference import example
+from quavelet.settings.service import NAME
 
 USER = "quavelet"
 UNIT = "quavelet@.service"
 RULE = "60-quavelet.rules"
-NETWORK = "network.conf"
 PLACE = "/opt/quavelet/venv/bin/quavelet"
 """The program in the unit as it is shipped."""
 
@@ -51,8 +54,8 @@ class Installation:
     run: Run = run_command
 
     def __post_init__(self) -> None:
-        if not re.fullmatch(r"[A-Za-z0-9_-]{1,32}", self.name):
-            raise InstallError(f"'{self.name}' is no name of a service: letters, digits, _ and -, 32 at most")
+        if not NAME.fullmatch(self.name):
+            raise InstallError(f"{self.name!r} is no name of a service: letters, digits, _ and -, 32 at most")
 
     @property
     def config(self) -> Path:
@@ -71,8 +74,9 @@ class Installation:
         return self.root / "etc/udev/rules.d" / RULE
 
     @property
-    def network(self) -> Path:
-        return self.root / "etc/systemd/system" / f"{self.service}.d" / NETWORK
+    def drop_ins(self) -> Path:
+        """The folder of what is this instance's only."""
+        return self.root / "etc/systemd/system" / f"{self.service}.d"
 
     @property
     def recordings(self) -> Path:
@@ -87,21 +91,21 @@ class Installation:
         if why_not is not None:
             raise InstallError(why_not)
         there = load_settings(self.config if self.config.exists() else None).settings
-        chip = there.bus if chip is None else chip
-        unit = shipped(UNIT).replace(PLACE, str(self.program.path))
+        asked, chip = chip, there.bus if chip is None else chip
+        unit = self._unit_text()
         sample = _with_value(example(), "name", msgspec.json.encode(chip.name).decode())
         sample = _with_value(sample, "address", f"0x{chip.address:02x}")
         return [
-            self._group(),
+            self._group(GROUP, "the bus"),
             *self._user(),
-            self._settings(sample),
-            self._file(self.unit, unit, "the unit; own changes belong into `systemctl edit`"),
-            self._file(self.rule, shipped(RULE), "the udev rule that lets the group keep the processors awake"),
-            *self._network(there),
+            self._settings(sample, in_use=there.bus, asked=asked),
+            put(self.unit, unit, "the unit; own changes belong into `systemctl edit`"),
+            put(self.rule, shipped(RULE), "the udev rule that lets the group keep the processors awake"),
+            *self._beyond(needed(there)),
             *self._told_udev(),
             *self._told_systemd(),
             self._enable(start),
-            *self._to_do(chip.name, unit),
+            *self._to_do(chip.name, unit, needed(there)),
         ]
 
     def remove(self, *, purge: bool) -> list[Step]:
@@ -110,23 +114,24 @@ class Installation:
         if self.unit.exists():
             how = ["disable", "--now"] if self.live else [*self._offline(), "disable"]
             steps.append(self._command("stop and disable the service", ["systemctl", *how, self.service]))
-        if self.network.exists():
-            steps.append(self._gone(self.network))
+        steps += self._own_drop_ins_gone(purge)
         others = sorted({link.name for link in self.unit.parent.glob("*.wants/quavelet@*")} - {self.service})
+        kept = [self.config, self.config.with_suffix(".toml.new"), *self._states()]
         if others:
             steps.append(Step(f"leave the unit, the udev rule and the user: {', '.join(others)} needs them"))
         else:
-            steps += [self._gone(path) for path in (self.unit, self.rule)]
+            ours = {self.unit: self._unit_text(), self.rule: shipped(RULE)}
+            kept += [old for path in ours for old in kept_of(path)]
+            steps += [gone(path) if purge else take(path, text) for path, text in ours.items()]
             steps += [*self._told_udev(), *self._told_systemd()]
-        kept = [self.config, self.config.with_suffix(".toml.new"), *self._states()]
         if not purge:
             there = [str(path) for path in (*kept, self.recordings) if path.exists()]
             if there:
                 steps.append(Step(f"leave {', '.join(there)}: --purge takes them too"))
             return steps
-        steps += [self._gone(path) for path in kept if path.exists()]
+        steps += [gone(path) for path in kept if path.exists()]
         if not others:
-            steps.append(self._gone(self.recordings))
+            steps.append(gone(self.recordings))
             if self._is_in("passwd", USER):
                 steps.append(self._command("take away its user", ["userdel", *self._prefix(), USER]))
         calibrations = self.root / "etc/quavelet/calibration"
@@ -138,10 +143,13 @@ class Installation:
         folders = (self.recordings, self.root / "run/quavelet")
         return sorted(path for folder in folders for path in folder.glob(f"{self.name}.state*"))
 
-    def _group(self) -> Step:
-        if self._is_in("group", GROUP):
-            return Step(f"the group {GROUP} is there")
-        return self._command("make the group that may use the bus", ["groupadd", *self._prefix(), "--system", GROUP])
+    def _unit_text(self) -> str:
+        return shipped(UNIT).replace(PLACE, self.program.in_unit)
+
+    def _group(self, group: str, what: str) -> Step:
+        if self._is_in("group", group):
+            return Step(f"the group {group} is there")
+        return self._command(f"make the group that may use {what}", ["groupadd", *self._prefix(), "--system", group])
 
     def _user(self) -> list[Step]:
         if not self._is_in("passwd", USER):
@@ -153,33 +161,46 @@ class Installation:
         command = ["usermod", *self._prefix(), "--append", "--groups", GROUP, USER]
         return [self._command(f"let the user {USER} use the bus", command)]
 
-    def _settings(self, sample: str) -> Step:
+    def _settings(self, sample: str, *, in_use: BusSettings, asked: BusSettings | None) -> Step:
         shown = self.config
         if not self.config.exists():
             return Step(
                 f"write {shown}: the settings, to be changed as you like", lambda: write_file(self.config, sample)
             )
-        if self.config.read_text(encoding="utf-8", errors="replace") == sample:
+        if holds(self.config, sample):
             return Step(f"{shown} is there, as shipped")
+        yours = f"leave {shown}, which is yours"
+        if asked is not None and (asked.name, asked.address) != (in_use.name, in_use.address):
+            yours += f" and has {in_use.name} at 0x{in_use.address:02x}, not {asked.name} at 0x{asked.address:02x}"
         beside = self.config.with_suffix(".toml.new")
-        if beside.exists() and beside.read_text(encoding="utf-8", errors="replace") == sample:
-            return Step(f"leave {shown}, which is yours; the sample lies beside it")
-        words = f"leave {shown}, which is yours; write the sample beside it, {beside.name}"
-        return Step(words, lambda: write_file(beside, sample))
+        if beside.exists() and holds(beside, sample):
+            return Step(f"{yours}; the sample lies beside it")
+        return Step(f"{yours}; write the sample beside it, {beside.name}", lambda: write_file(beside, sample))
 
-    def _file(self, path: Path, text: str, what: str) -> Step:
-        if not path.exists():
-            return Step(f"write {path}: {what}", lambda: write_file(path, text))
-        if path.read_text(encoding="utf-8", errors="replace") == text:
-            return Step(f"{path} is there, as shipped")
-        return Step(f"replace {path}, which differs: {what}", lambda: write_file(path, text))
+    def _beyond(self, wanted: dict[str, str]) -> list[Step]:
+        """What lets it do more than the unit does, where its settings need that and only there."""
+        steps = []
+        for name in DROP_INS:
+            path = self.drop_ins / name
+            if name in wanted:
+                steps += [self._group(gpio_on.GROUP, "GPIO lines")] if name == GPIO else []
+                steps.append(put(path, shipped(name), wanted[name]))
+            elif path.exists():
+                steps += [Step(f"{path} is not needed by the settings any more"), take(path, shipped(name))]
+        return steps
 
-    def _network(self, settings: Settings) -> list[Step]:
-        """What lets it use the network, where its outputs do."""
-        ways = {output.destination.way for output in settings.output.values()}
-        if not settings.service.metrics and ways <= {"stdout", "unix"}:
-            return []
-        return [self._file(self.network, shipped(NETWORK), "the settings have outputs over the network")]
+    def _own_drop_ins_gone(self, purge: bool) -> list[Step]:
+        ours = {self.drop_ins / name: shipped(name) for name in DROP_INS if (self.drop_ins / name).exists()}
+        olds = [old for name in DROP_INS for old in kept_of(self.drop_ins / name)] if purge else []
+        steps = [gone(path) if purge else take(path, text) for path, text in ours.items()]
+        steps += [gone(old) for old in olds]
+        if self.drop_ins.is_dir():
+            yours = sorted(path.name for path in set(self.drop_ins.iterdir()) - {*ours, *olds})
+            if yours:
+                steps.append(Step(f"leave {', '.join(yours)} in {self.drop_ins}: not of the installation"))
+            elif purge:
+                steps.append(Step(f"remove {self.drop_ins}", self.drop_ins.rmdir))
+        return steps
 
     def _told_udev(self) -> list[Step]:
         if not self.live:
@@ -203,24 +224,36 @@ class Installation:
         command = ["systemctl", *self._offline(), "enable", self.service]
         return self._command("have the service started at the next start of the machine", command)
 
-    def _to_do(self, bus: str, unit: str) -> list[Step]:
+    def _to_do(self, bus: str, unit: str, wanted: dict[str, str]) -> list[Step]:
         """What is left to a person."""
         todo: list[str] = []
         if not (self.root / self.program.path.relative_to("/")).exists():
             todo.append(f"put the program where it is here, {self.program.path}, below {self.root}")
-        if self.live and self.unit.exists() and self.unit.read_text(encoding="utf-8", errors="replace") != unit:
+        if self.config.exists() and not self._user_reads(self.config):
+            todo.append(
+                f"sudo chgrp {USER} {self.config} && sudo chmod g+r {self.config}, which the service cannot read"
+            )
+        if self.live and self.unit.exists() and not self._runs_with(unit, wanted):
             todo.append(f"sudo systemctl restart {self.service}, which runs as before until then")
         kind, _, number = bus.partition(":")
         if kind == "linux" and number.isdecimal():
             todo += i2c_advice(int(number), root=self.root)
+        todo += gpio_advice(self.program, root=self.root) if GPIO in wanted else []
         return [Step(f"to do: {what}") for what in todo]
 
-    def _gone(self, path: Path) -> Step:
-        if not path.exists():
-            return Step(f"{path} is not there")
-        if path.is_dir():
-            return Step(f"remove {path} and all that is in it", lambda: shutil.rmtree(path))
-        return Step(f"remove {path}", path.unlink)
+    def _runs_with(self, unit: str, wanted: dict[str, str]) -> bool:
+        """Whether unit and drop-ins are there as they are to be."""
+        texts = {self.unit: unit} | {self.drop_ins / name: shipped(name) for name in wanted}
+        there = {name for name in DROP_INS if (self.drop_ins / name).exists()}
+        return there == set(wanted) and all(holds(path, text) for path, text in texts.items())
+
+    def _user_reads(self, path: Path) -> bool:
+        """Whether the service's user may read the file."""
+        status = path.stat()
+        user, group = (self._line("passwd", USER).split(":") + [""] * 4)[2:4]
+        if user == str(status.st_uid):
+            return bool(status.st_mode & 0o400)
+        return bool(status.st_mode & (0o040 if group == str(status.st_gid) else 0o004))
 
     def _command(self, words: str, command: list[str], if_failed: str = "") -> Step:
         return Step(f"{words}: {' '.join(command)}", lambda: self.run(command), if_failed)

@@ -27,9 +27,14 @@ class Program:
     path: Path
     parts: tuple[Path, ...] = ()
 
+    @property
+    def in_unit(self) -> str:
+        """The path as ExecStart takes it."""
+        return f'"{self.path}"' if " " in str(self.path) else str(self.path)
+
     def why_not(self) -> str | None:
         """Why a service cannot run it, and what to do; None where it can."""
-        if not self.path.is_absolute() or not re.fullmatch(r"[\w/.+@-]+", str(self.path)):
+        if not self.path.is_absolute() or not re.fullmatch(r"[\w/.+@ -]+", str(self.path)):
             return f"the path {self.path} cannot stand in a unit: {REMEDY}"
         for part in (self.path, *self.parts):
             for folder in HIDDEN:
