@@ -222,7 +222,7 @@ def _compared(out: Outcome, block: RawBlock, known: Known, last: frozenset[int],
         if not may_be:
             if not flagged[k]:
                 out.wrong.append(_how_wrong(block, rows[k], k, known, last, faults))
-            last = frozenset(number + 1 for number in last)
+            last = ANY if block.flags[k] & Flag.GAP else frozenset(number + 1 for number in last)
             continue
         if not last:
             last = frozenset(may_be)
