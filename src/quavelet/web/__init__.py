@@ -1,0 +1,1 @@
+"""The live page: one board, turning as it turns, in any browser."""
