@@ -14,8 +14,7 @@ from quavelet.core.units import NS_PER_S
 from quavelet.mpu6050.drain import Drain
 from quavelet.mpu6050.stream import StreamInfo
 from quavelet.recording.folder import RecordingFolder
-from quavelet.recording.format import drain_bytes
-from quavelet.recording.writer import END_BYTES, RecordingWriter
+from quavelet.recording.writer import RecordingWriter
 from quavelet.settings import RecordingSettings, Settings
 
 MB = 1_000_000
@@ -195,7 +194,7 @@ class RotatingRecorder:
             return False
         if drain.after_ns - self._begun_ns >= self._bounds.file_ns:
             return True
-        return writer.size_bytes + drain_bytes(drain) + END_BYTES > self._bounds.file_bytes
+        return writer.size_with(drain) > self._bounds.file_bytes
 
     def _may_try(self, t_ns: int) -> bool:
         return self._failed_ns is None or not 0 <= t_ns - self._failed_ns < TRY_AGAIN_NS
@@ -234,8 +233,8 @@ class RotatingRecorder:
     def _fail(self, error: Exception) -> None:
         writer, self._writer = self._writer, None
         if writer is not None:
-            self._unwritten += writer.drains_waiting
-            self._drains -= writer.drains_waiting
+            self._unwritten += writer.waiting
+            self._drains -= writer.waiting
         if not self._outage:
             self._tell(f"recording stopped, tried again each minute: {error}")
         self._stopped, self._outage = str(error), True
