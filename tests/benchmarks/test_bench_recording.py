@@ -16,7 +16,8 @@ from quavelet.core.units import NS_PER_S
 from quavelet.mpu6050.drain import Drain
 from quavelet.mpu6050.stream import StreamInfo
 from quavelet.recording.format import drain_bytes
-from quavelet.recording.rotation import Bounds, RotatingRecorder
+from quavelet.recording.recorder import RotatingRecorder
+from quavelet.recording.rotation import Bounds
 from quavelet.settings import Settings
 
 INFO = StreamInfo(src="fake:hand", address=0x68, who_am_i=0x68, config=1, gyro_config=8, accel_config=8, smplrt_div=0)
@@ -71,7 +72,7 @@ def test_an_hour_at_1_khz(tmp_path: Path, file_bytes: int, fsync_s: float, monke
     recorder.close()
     cpu_s = time.process_time() - begin_s
     stats = recorder.stats()
-    written = stats.drains * drain_bytes(Drain(0, 0, 0, 1, 14 * FRAMES, frames[0]))
+    written = stats.written * drain_bytes(Drain(0, 0, 0, 1, 14 * FRAMES, frames[0]))
     print(
         f"\nfiles of {file_bytes / 1e6:g} MB, fsync_s {fsync_s:g}: {written / HOUR_S / 1000:.1f} kB/s, "
         f"{100 * cpu_s / HOUR_S:.3f} % of a core, {stats.files} files begun, {stats.deleted} deleted, "
@@ -79,7 +80,7 @@ def test_an_hour_at_1_khz(tmp_path: Path, file_bytes: int, fsync_s: float, monke
         f"disk of {1000 * np.mean(waits):.1f} ms, {1000 * max(waits):.0f} ms at most"
     )
     assert told == []
-    assert stats.drains == HOUR_S * DRAINS_HZ
+    assert stats.written == HOUR_S * DRAINS_HZ
     assert stats.files - stats.deleted <= 11
     assert most_bytes <= bounds.total_bytes
     assert most_rss - begin_rss < MOST_GROWTH_BYTES

@@ -13,7 +13,8 @@ from quavelet.mpu6050.drain import Drain
 from quavelet.mpu6050.stream import StreamInfo
 from quavelet.recording.format import MAGIC
 from quavelet.recording.reader import RecordingReader
-from quavelet.recording.rotation import Bounds, RotatingRecorder
+from quavelet.recording.recorder import RotatingRecorder
+from quavelet.recording.rotation import Bounds
 from quavelet.recording.writer import FLUSH_NS
 
 HOUR_NS = 3600 * NS_PER_S

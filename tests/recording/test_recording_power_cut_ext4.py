@@ -17,7 +17,8 @@ from quavelet.core.clock import VirtualClock
 from quavelet.core.units import NS_PER_S
 from quavelet.mpu6050.drain import Drain
 from quavelet.recording.reader import RecordingReader
-from quavelet.recording.rotation import Bounds, RotatingRecorder
+from quavelet.recording.recorder import RotatingRecorder
+from quavelet.recording.rotation import Bounds
 
 work = Path(sys.argv[1])
 disk, folder, seen = work / "disk", work / "folder", work / "seen"

@@ -144,7 +144,7 @@ def test_all_files_together_never_exceed_their_bound(
     assert rig.total <= bounds.total_bytes
     assert rig.told == []
     stats = rig.recorder.stats()
-    assert stats.drains == len(items)
+    assert stats.written == len(items)
     assert stats.used_bytes >= rig.total
     assert {name: (folder / name).read_bytes() for name in OTHERS} == OTHERS
     for path in rig.files:
@@ -227,7 +227,7 @@ def test_a_directory_that_is_not_there_is_told_once_and_tried_each_minute(make_r
     assert len(rig.told) == 1
     assert "make it, or mount its disk" in rig.told[0]
     stats = rig.recorder.stats()
-    assert (stats.drains, stats.unwritten) == (0, 150)
+    assert (stats.written, stats.unwritten) == (0, 150)
     assert "mount" in stats.stopped
     rig.folder.mkdir()
     rig.write(*slow_drains(150, first=150))

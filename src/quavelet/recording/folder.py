@@ -13,7 +13,11 @@ from pathlib import Path
 from stat import S_ISREG
 
 from quavelet.core.errors import RecordingError
+from quavelet.recording import mcap
 from quavelet.recording.format import MAGIC, SUFFIX
+
+BEGINS = {SUFFIX: MAGIC, mcap.SUFFIX: mcap.MAGIC}
+"""How a recording begins, by how its name ends."""
 
 _STAMP = "%Y%m%dT%H%M%SZ"
 
@@ -26,7 +30,7 @@ class _Kept:
 
 
 class RecordingFolder:
-    """The files NAME-NUMBER-TIME.qrec of `directory`, of which all together never take more than `total_bytes`.
+    """The files NAME-NUMBER-TIME.qrec and .mcap of `directory`, which together never take more than `total_bytes`.
 
     NUMBER goes up by one from file to file, whatever the clock that TIME (UTC) is read from does, so the names
     sort by age. A file is ours where its name is so, it is a plain file and it begins as a recording does (or is
@@ -37,12 +41,14 @@ class RecordingFolder:
     deleted      files deleted for room
     """
 
-    def __init__(self, directory: Path, *, name: str, total_bytes: int, keep_free_bytes: int = 0) -> None:
+    def __init__(self, directory: Path, *, name: str, suffix: str, total_bytes: int, keep_free_bytes: int = 0) -> None:
         self.directory = directory
         self.used_bytes = 0
         self.deleted = 0
         self._name = name
-        self._pattern = re.compile(re.escape(name) + r"-(\d{6,})-\d{8}T\d{6}Z" + re.escape(SUFFIX), re.ASCII)
+        self._suffix = suffix
+        endings = "|".join(map(re.escape, BEGINS))
+        self._pattern = re.compile(rf"{re.escape(name)}-(\d{{6,}})-\d{{8}}T\d{{6}}Z({endings})", re.ASCII)
         self._total_bytes = total_bytes
         self._keep_free_bytes = keep_free_bytes
         self._last = 0
@@ -53,7 +59,7 @@ class RecordingFolder:
         """Look at the directory afresh and name the next file. No file of ours may be open. Raises RecordingError."""
         self._scan()
         self._last += 1
-        return self.directory / f"{self._name}-{self._last:06d}-{utc.strftime(_STAMP)}{SUFFIX}"
+        return self.directory / f"{self._name}-{self._last:06d}-{utc.strftime(_STAMP)}{self._suffix}"
 
     def reserve(self, n: int) -> None:
         """Make room for `n` more bytes, deleting the oldest for it. Raises RecordingError where there is none."""
@@ -116,7 +122,8 @@ class RecordingFolder:
         except OSError:
             return False
         try:
-            if not MAGIC.startswith(os.read(number, len(MAGIC))):
+            begins = BEGINS[file.path.suffix]
+            if not begins.startswith(os.read(number, len(begins))):
                 return False
             fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
             file.path.unlink()
@@ -142,8 +149,9 @@ class RecordingFolder:
 
 
 def _is_recording(path: Path) -> bool:
+    begins = BEGINS[path.suffix]
     try:
         with path.open("rb") as file:
-            return MAGIC.startswith(file.read(len(MAGIC)))
+            return begins.startswith(file.read(len(begins)))
     except OSError:
         return False

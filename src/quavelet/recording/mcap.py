@@ -44,6 +44,8 @@ TOPICS = {
     "/imu/mag_raw": "sensor_msgs/msg/MagneticField",
     "/log": "foxglove.Log",
 }
+SUFFIX = ".mcap"
+MAGIC = b"\x89MCAP0\r\n"
 CHUNK_BYTES = 1 << 18
 """Written and compressed together: what a file that was cut loses at its end."""
 TESLA_PER_UT = 1e-6

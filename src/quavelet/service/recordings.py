@@ -6,7 +6,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 from quavelet.core.clock import Clock
-from quavelet.recording.rotation import Bounds, RotatingRecorder, RotationStats
+from quavelet.recording.recorder import RotatingRecorder
+from quavelet.recording.rotation import Bounds, RotationStats
 from quavelet.settings import Settings
 from quavelet.sinks.status import RecordingStatus
 
@@ -42,7 +43,7 @@ def status_of(stats: RotationStats) -> RecordingStatus:
 
 def in_words(stats: RotationStats) -> str:
     """What came of it, to be told at the end."""
-    words = f"recordings: {stats.files} files begun, {stats.drains} drains written"
+    words = f"recordings: {stats.files} files begun, {stats.written} drains written"
     if stats.deleted:
         words += f", {stats.deleted} older files deleted for room"
     if stats.missed:

@@ -18,7 +18,7 @@ from quavelet.loop.others import keep_others_running
 from quavelet.loop.realtime import apply_realtime
 from quavelet.mpu6050.drain import Drain
 from quavelet.mpu6050.stream import StreamInfo
-from quavelet.recording.rotation import RotatingRecorder
+from quavelet.recording.recorder import RotatingRecorder
 from quavelet.recording.writer import RecordingWriter
 from quavelet.service import host, recordings
 from quavelet.service.continuity import Continuity, continuity_for

@@ -1,0 +1,107 @@
+"""Recording all the time what the chip gave: streams and their drains, in files of which each is complete by itself."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+from datetime import UTC, datetime
+from pathlib import Path
+
+from quavelet.core.clock import Clock
+from quavelet.core.errors import RecordingError
+from quavelet.mpu6050.drain import Drain
+from quavelet.mpu6050.stream import StreamInfo
+from quavelet.recording.folder import RecordingFolder
+from quavelet.recording.format import SUFFIX
+from quavelet.recording.rotation import Bounds, Rotation, RotationStats
+from quavelet.recording.writer import RecordingWriter
+from quavelet.settings import Settings
+
+
+class RotatingRecorder:
+    """Writes streams and their drains into `directory`; a sink for both in one queue, like `RecordingWriter`.
+
+    Nothing raises, see `Rotation`. Only the clock of the drains is used, and the one of UTC for the names; either may
+    be stepped. `name` begins the files' names (see `RecordingFolder`).
+
+    calibration      is asked for the text of the calibration's file in use, as each file begins
+    current_stream   is asked for the stream where a queue that overflowed has lost its StreamInfo
+    """
+
+    def __init__(
+        self,
+        directory: Path,
+        *,
+        name: str,
+        bounds: Bounds,
+        settings: Settings,
+        clock: Clock,
+        tell: Callable[[str], None],
+        fsync_s: float = 0.0,
+        utc_now: Callable[[], datetime] = lambda: datetime.now(UTC),
+    ) -> None:
+        self.calibration: Callable[[], str] = str
+        self.current_stream: Callable[[], StreamInfo | None] = lambda: None
+        self._folder = RecordingFolder(
+            directory,
+            name=name,
+            suffix=SUFFIX,
+            total_bytes=bounds.total_bytes,
+            keep_free_bytes=bounds.keep_free_bytes,
+        )
+        self._rotation: Rotation[Drain] = Rotation(
+            self._folder, begin=self._begin_file, bounds=bounds, kind="drains", tell=tell, utc_now=utc_now
+        )
+        self._settings = settings
+        self._clock = clock
+        self._fsync_s = fsync_s
+        self._writer: RecordingWriter | None = None
+        self._info: StreamInfo | None = None
+        self._expected = 0
+
+    def stats(self) -> RotationStats:
+        """May be asked from any thread."""
+        return self._rotation.stats()
+
+    def write(self, item: StreamInfo | Drain) -> None:
+        """Take a drain of the stream begun last, or begin another stream."""
+        if isinstance(item, StreamInfo):
+            self._take_stream(item)
+            return
+        if item.seq < self._expected:
+            self._take_stream(self.current_stream())
+        self._rotation.missed += item.seq - self._expected
+        self._expected = item.seq + 1
+        if self._info is None:
+            self._rotation.unwritten += 1
+        else:
+            self._rotation.write(item, item.after_ns)
+
+    def close(self) -> None:
+        """End the file that is being written."""
+        self._rotation.close()
+
+    def _take_stream(self, info: StreamInfo | None) -> None:
+        """Begin another stream, in the same file while there is one; None: nobody knows which it is."""
+        self._info, self._expected = info, 0
+        writer = self._writer
+        if info is None:
+            self._rotation.close()
+        elif writer is not None:
+            self._rotation.while_writing(lambda: writer.begin(info))
+
+    def _begin_file(self, path: Path) -> RecordingWriter:
+        """The next file, with its header in it."""
+        assert self._info is not None, "a drain has a stream"
+        self._writer = writer = RecordingWriter(
+            path, settings=self._settings, clock=self._clock, fsync_s=self._fsync_s, room=self._folder
+        )
+        writer.calibration = self.calibration
+        try:
+            writer.begin(self._info)
+        except RecordingError:
+            # Nothing is in it.
+            with suppress(OSError):
+                path.unlink(missing_ok=True)
+            raise
+        return writer
