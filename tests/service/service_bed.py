@@ -8,6 +8,7 @@ from pathlib import Path
 
 from hw_fakes import FakeBus, FakeMpu6050, Motion, Still
 from hw_fakes.faults.plan import parse
+from hw_fakes.target import Target
 from quavelet.core.clock import Clock, VirtualClock
 from quavelet.core.errors import DeviceMissing
 from quavelet.core.units import NS_PER_S
@@ -65,16 +66,21 @@ class Heard(Notify):
 
 
 class Kept:
-    """A sink that keeps what it gets; it leaves after `most`."""
+    """A sink that keeps what it gets, where `counts_only` the newest alone; it leaves after `most`."""
 
-    def __init__(self, most: int = 1 << 30) -> None:
+    def __init__(self, most: int = 1 << 30, *, counts_only: bool = False) -> None:
         self.messages: list[Message] = []
+        self.count = 0
         self.closed = False
         self._most = most
+        self._counts_only = counts_only
 
     def write(self, message: Message) -> None:
-        if len(self.messages) == self._most:
+        if self.count == self._most:
             raise BrokenPipeError
+        self.count += 1
+        if self._counts_only:
+            self.messages.clear()
         self.messages.append(message)
 
     def close(self) -> None:
@@ -96,14 +102,17 @@ class Bed:
         clock: EventClock | None = None,
         accel_trim: tuple[int, int, int] = (100, -200, 300),
         environ: Mapping[str, str] | None = None,
+        counts_only: bool = False,
     ) -> None:
         self.clock = clock or EventClock()
         self.said: list[str] = []
-        self.kept = Kept(most)
+        self.kept = Kept(most, counts_only=counts_only)
         self.heard = Heard(self.clock)
         self.chip = FakeMpu6050(
             self.clock, motion=motion or Still(roll_deg=5.0, pitch_deg=-3.0), seed=1, accel_trim=accel_trim
         )
+        self.beside: dict[int, Target] = {}
+        """What else is on the bus."""
         self.plugged = self.wired = True
         self.bus: FakeBus | None = None
         self.service = Service(
@@ -134,7 +143,7 @@ class Bed:
     def _open(self, name: str, clock: Clock) -> FakeBus:
         if not self.plugged:
             raise DeviceMissing("there is no bus fake:bed: plug it in")
-        self.bus = FakeBus({0x68: self.chip} if self.wired else {}, clock=clock, name=name)
+        self.bus = FakeBus({0x68: self.chip, **self.beside} if self.wired else {}, clock=clock, name=name)
         return self.bus
 
     def _console(self, service: Service, stack: ExitStack) -> None:

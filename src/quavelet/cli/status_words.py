@@ -9,10 +9,13 @@ from quavelet.cli.counts import in_words as counts_in_words
 from quavelet.core.health import Health
 from quavelet.core.units import NS_PER_MS
 from quavelet.sinks.message import Message
+from quavelet.sinks.spans import span_in_words
 from quavelet.sinks.status import OutputStatus, Status
 
 MISSED_SHARE = 0.01
 """A larger share of deadlines missed is something to look after."""
+
+_NO_BROKER = "waiting for the broker: "
 
 
 def in_words(status: Status) -> Iterator[str]:
@@ -60,7 +63,7 @@ def _facts(status: Status) -> Iterator[tuple[str, str]]:
     yield "clock", kept[status.clock.synchronised]
     yield (
         "program",
-        f"quavelet {status.version}, up {_span(status.uptime_s)}, {status.memory_mb:.0f} MB, pid {status.pid}",
+        f"quavelet {status.version}, up {span_in_words(status.uptime_s)}, {status.memory_mb:.0f} MB, pid {status.pid}",
     )
 
 
@@ -90,6 +93,10 @@ def _wrong(status: Status) -> Iterator[str]:
         key = f"output.{output.name}"
         if output.state.startswith("failed"):
             yield f"{key} does not work and is tried again: {output.state.removeprefix('failed: ')}"
+        elif output.state.startswith(_NO_BROKER):
+            yield f"{key} has no broker: {output.state.removeprefix(_NO_BROKER)}; {output.lost} messages lost so far"
+        elif output.lost and output.to.startswith("mqtt"):
+            yield f"{key} has lost {output.lost} messages: its broker was away, or is too slow, lower {key}.rate_hz"
         elif output.lost:
             yield f"{key} has lost {output.lost} messages: its reader or its network is too slow, lower {key}.rate_hz"
         if output.refused:
@@ -103,10 +110,3 @@ def _wrong(status: Status) -> Iterator[str]:
 
 def _times(p50_ns: int, p99_ns: int, max_ns: int) -> str:
     return f"{p50_ns / NS_PER_MS:.2f} ms p50, {p99_ns / NS_PER_MS:.2f} ms p99, {max_ns / NS_PER_MS:.2f} ms at most"
-
-
-def _span(seconds: float) -> str:
-    minutes, s = divmod(int(seconds), 60)
-    hours, m = divmod(minutes, 60)
-    days, h = divmod(hours, 24)
-    return f"{days} d {h} h" if days else f"{h} h {m} min" if h else f"{m} min {s} s"

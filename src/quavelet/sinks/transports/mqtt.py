@@ -14,8 +14,10 @@ import asyncio
 import logging
 import socket
 from collections import deque
+from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
+from typing import NamedTuple
 
 import msgspec
 
@@ -23,6 +25,7 @@ from quavelet.core.errors import SettingsError
 from quavelet.sinks.home_assistant import DIAGNOSTICS_S, diagnostics_of, discovery, discovery_topic
 from quavelet.sinks.identity import Identity, client_id_of, identity_of, topic_of
 from quavelet.sinks.plan import OutputPlan
+from quavelet.sinks.spans import span_in_words
 from quavelet.sinks.transport import TransportStats
 from quavelet.sinks.transports.backoff import Backoff
 from quavelet.sinks.transports.mqtt_connection import MqttConnection
@@ -32,6 +35,11 @@ _log = logging.getLogger(__name__)
 
 _WAITING = 256
 """Payloads that wait for the broker, at most: its restart loses nothing, and its absence costs no memory."""
+_STALE_S = 60.0
+"""What has waited longer is not sent: where messages are few, 256 of them are hours, and an old one would be taken for
+one of the moment it comes. Between two tries no more time goes by."""
+_TOLD_S = 60.0
+"""The end of an outage is told where it was as long; that of a short one would only be noise."""
 _IN_FLIGHT = 8
 """Sent and not acknowledged. A broker may allow few (MQTT 5.0, 3.2.2.3.3 Receive Maximum); one well known takes 10."""
 _HELD_S = 10.0
@@ -45,10 +53,24 @@ _CLOCK_MOVED_NS = 1_000_000
 """The identity is published anew when the clock's offset has moved so far."""
 
 
+class _Payload(NamedTuple):
+    """What is to be sent, and when it came, s of the event loop."""
+
+    since_s: float
+    data: bytes
+
+
+class _Away(NamedTuple):
+    """There is no broker: since when, s of the event loop, and how many payloads had been lost by then."""
+
+    since_s: float
+    lost: int
+
+
 class MqttTransport:
     """Payloads to TOPIC/attitude of a broker that may come and go.
 
-    While it is away the newest 256 payloads wait; older ones are lost and counted.
+    While it is away the newest 256 payloads of the last minute wait; older ones are lost and counted.
     """
 
     def __init__(self, plan: OutputPlan, *, backoff: Backoff | None = None) -> None:
@@ -58,13 +80,15 @@ class MqttTransport:
         self._backoff = backoff or Backoff()
         self._host = socket.gethostname()
         self._topic = topic_of(plan, host=self._host)
-        self._waiting: deque[bytes] = deque()
-        self._unanswered: dict[int, bytes] = {}
+        self._waiting: deque[_Payload] = deque()
+        self._unanswered: dict[int, _Payload] = {}
         self._taken = 0
         self._connection: MqttConnection | None = None
         self._closing = asyncio.Event()
         self._task: asyncio.Task[None] | None = None
         self._state = "not opened"
+        self._time_s: Callable[[], float] = float
+        self._away: _Away | None = None
         self._told: set[str] = set()
         self._sent = self._lost = self._bytes = 0
         self._retained: dict[str, bytes] = {}
@@ -76,7 +100,9 @@ class MqttTransport:
         Raises SettingsError where paho-mqtt, the password or a certificate is not there.
         """
         self._closing.clear()
+        self._time_s = asyncio.get_running_loop().time
         self._new_connection().close()
+        self._away = _Away(self._time_s(), self._lost)
         self._state = f"waiting for the broker: connecting to {self._to.host}:{self._to.port}"
         self._task = asyncio.create_task(self._run(), name=f"mqtt {self._plan.name}")
 
@@ -87,11 +113,9 @@ class MqttTransport:
         """
         if self._task is not None and self._task.done() and not self._closing.is_set():
             self._task.result()
-        self._waiting.append(payload)
+        self._waiting.append(_Payload(self._time_s(), payload))
         self._pump()
-        while len(self._waiting) > _WAITING:
-            self._waiting.popleft()
-            self._lost += 1
+        self._lose_what_is_too_much()
 
     async def close(self) -> None:
         """Send what waits, say "offline" and go, all within 0.9 s; what then has not gone is lost and counted."""
@@ -105,11 +129,15 @@ class MqttTransport:
         self._lost += len(self._waiting) + len(self._unanswered)
         self._waiting.clear()
         self._unanswered.clear()
+        self._away = None
         self._state = "closed"
 
     def stats(self) -> TransportStats:
         """`sent` are those that the broker has taken, with qos 0 those that were written."""
-        return TransportStats(state=self._state, sent=self._sent, lost=self._lost, bytes=self._bytes)
+        state, away = self._state, self._away
+        if away is not None:
+            state += f" (for {span_in_words(self._time_s() - away.since_s)})"
+        return TransportStats(state=state, sent=self._sent, lost=self._lost, bytes=self._bytes)
 
     async def _run(self) -> None:
         loop = asyncio.get_running_loop()
@@ -133,6 +161,8 @@ class MqttTransport:
             if loop.time() - begun_s >= _HELD_S:
                 self._backoff.reset()
             self._send_again()
+            if self._away is None:
+                self._away = _Away(self._time_s(), self._lost)
             self._state = f"waiting for the broker: {trouble}"
             self._warn(self._state, anew=trouble.lasting)
             with suppress(TimeoutError):
@@ -144,21 +174,25 @@ class MqttTransport:
         self._retained = {}
         self._told = set()
         self._state = "connected"
+        away, self._away = self._away, None
         await self._publish_retained(connection)
         await self._publish(connection, f"{self._topic}/status", b"online", retain=True)
         _log.info("output %s: connected to %s:%d", self._plan.name, self._to.host, self._to.port)
         self._connection = connection
         self._pump()
+        if away is not None and self._time_s() - away.since_s >= _TOLD_S:
+            self._tell_return(away)
         closing = asyncio.create_task(self._closing.wait())
         try:
             due_s, shown = 0.0, None
             while not self._closing.is_set():
-                await self._publish_retained(connection)
+                clock = (await self._publish_retained(connection)).clock
                 found = diagnostics_of(self._plan.status(), lost=self._lost)
                 # What is wrong, or no longer, is said when it is seen.
-                if (found.state, found.problem) != shown or asyncio.get_running_loop().time() >= due_s:
+                show = found.state, found.problem, clock.offset_ns
+                if show != shown or self._time_s() >= due_s:
                     await self._publish(connection, f"{self._topic}/diagnostics", msgspec.json.encode(found))
-                    due_s, shown = asyncio.get_running_loop().time() + DIAGNOSTICS_S, (found.state, found.problem)
+                    due_s, shown = self._time_s() + DIAGNOSTICS_S, show
                 await connection.wait_for(closing, within_s=min(_LOOK_S, DIAGNOSTICS_S))
         finally:
             closing.cancel()
@@ -182,11 +216,14 @@ class MqttTransport:
         topic = f"{self._topic}/attitude"
         while self._waiting and len(self._unanswered) < _IN_FLIGHT:
             payload = self._waiting.popleft()
+            if self._time_s() - payload.since_s > _STALE_S:
+                self._lost += 1
+                continue
             self._taken = number = self._taken + 1
             self._unanswered[number] = payload
             answer = partial(self._on_answer, number)
             try:
-                connection.publish(topic, payload.removesuffix(b"\n"), qos=self._mqtt.qos, answer=answer)
+                connection.publish(topic, payload.data.removesuffix(b"\n"), qos=self._mqtt.qos, answer=answer)
             except Trouble:
                 # It stays with the unanswered; the task that waits for the connection's end sends them again.
                 return
@@ -198,18 +235,21 @@ class MqttTransport:
             self._refused(refusal)
         else:
             self._sent += 1
-            self._bytes += len(payload)
+            self._bytes += len(payload.data)
         self._pump()
 
     def _send_again(self) -> None:
         """What the broker has not acknowledged goes first next time; MQTT allows it to come twice."""
         self._waiting.extendleft(reversed(self._unanswered.values()))
         self._unanswered = {}
+        self._lose_what_is_too_much()
+
+    def _lose_what_is_too_much(self) -> None:
         while len(self._waiting) > _WAITING:
             self._waiting.popleft()
             self._lost += 1
 
-    async def _publish_retained(self, connection: MqttConnection) -> None:
+    async def _publish_retained(self, connection: MqttConnection) -> Identity:
         """The documents that stay, where they have changed since they were last published here."""
         status = self._plan.status()
         identity = identity_of(status, host=self._host, topic=self._topic, encoding=self._plan.settings.encoding)
@@ -226,6 +266,7 @@ class MqttTransport:
             if self._retained.get(topic) != document:
                 await self._publish(connection, topic, document, retain=True)
                 self._retained[topic] = document
+        return identity
 
     async def _publish(self, connection: MqttConnection, topic: str, document: bytes, *, retain: bool = False) -> None:
         refusal = await connection.published(topic, document, qos=self._own_qos, retain=retain)
@@ -246,6 +287,15 @@ class MqttTransport:
         if not self._told or (anew and text not in self._told):
             _log.warning("output %s: %s", self._plan.name, text)
         self._told.add(text)
+
+    def _tell_return(self, away: _Away) -> None:
+        lasted = span_in_words(self._time_s() - away.since_s)
+        _log.warning(
+            "output %s: connected to the broker again after %s, in which %d messages were lost",
+            self._plan.name,
+            lasted,
+            self._lost - away.lost,
+        )
 
     def _new_connection(self) -> MqttConnection:
         """Password and certificates are read anew each time, as they may have been mended."""
