@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from service_bed import Bed, EventClock
+from waiting import eventually
 
 from hw_fakes import Still
 from hw_fakes.world.motion_base import EulerMotion
@@ -177,11 +178,12 @@ def test_a_board_that_was_killed_while_it_moved_begins_afresh(tmp_path: Path) ->
     environ = {"RUNTIME_DIRECTORY": str(tmp_path), "QUAVELET_BOOT_ID": BOOT}
     bed = Bed(TurnsAt8(), settings=PLAIN, environ=environ)
     # At 7.5 s the file says that it is still; the turn begins at 8 s, and the kill comes long before the next copy.
-    bed.clock.at(7.5, lambda: shutil.copy(file, tmp_path / "before"))
-    bed.clock.at(9.8, lambda: shutil.copy(file, tmp_path / "after"))
+    # The file is written by a thread in real time, the clock stands for it.
+    seen: list[bool] = []
+    bed.clock.at(7.5, lambda: seen.append(eventually(lambda: file.exists() and read_state(file).still)))
+    bed.clock.at(9.8, lambda: seen.append(eventually(lambda: not read_state(file).still)))
     bed.run(until_s=10.0)
-    assert read_state(tmp_path / "before").still
-    assert not read_state(tmp_path / "after").still
+    assert seen == [True, True]
 
 
 @dataclass(frozen=True, slots=True)

@@ -45,16 +45,19 @@ class Continuity:
         self._asleep_ns = asleep_ns
         self._talk = talk
         self._keeper = Keeper()
+        self._resuming: Resuming | None = None
+        self._is_lost = False
         self._imu: Imu | None = None
         self._identity: Identity | None = None
         self._last: Message | None = None
         self._saved = self._read()
-        self._copies: Hub[Snapshot] = Hub()
+        self._copies: Hub[Snapshot | None] = Hub()
         self._copies.subscribe(SUBSCRIBER, StateFile(path, talk=talk), depth=1, policy=policy)
 
     def around(self, pipeline: Pipeline) -> Resuming:
         """The pipeline, that begins with what was saved where that may be."""
-        return Resuming(pipeline, self._saved, judge=self._judge, asleep_ns=self._asleep_ns, talk=self._talk)
+        self._resuming = Resuming(pipeline, self._saved, judge=self._judge, asleep_ns=self._asleep_ns, talk=self._talk)
+        return self._resuming
 
     def attach(self, imu: Imu) -> None:
         """What `around` was called for."""
@@ -62,9 +65,23 @@ class Continuity:
 
     def keep(self, message: Message) -> None:
         """A message has gone out."""
-        self._last, self._saved = message, None
+        if self._saved is not None and self._resuming is not None:
+            # What was refused must not be there for the start after this one: it knows less than we do. What was gone
+            # on from is good until the board moves.
+            self._saved, resumed = None, self._resuming.resumed
+            self._keeper = Keeper(kept_still=resumed)
+            if not resumed:
+                self._copies.publish(None)
+        self._last, self._is_lost = message, False
         if self._keeper.due(message):
             self._copy(message)
+
+    def lost(self) -> None:
+        """No sample comes any more: who knows what is done to the board meanwhile. May be called again and again."""
+        if not self._is_lost and self._last is not None:
+            self._last, self._is_lost = None, True
+            self._keeper = Keeper()
+            self._copies.publish(None)
 
     def __enter__(self) -> Self:
         return self

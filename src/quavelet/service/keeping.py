@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -47,15 +48,17 @@ class Keeper:
 
     A copy is due every ten seconds, soon after a board has come to rest, and at once when one moves whose file says
     that it is still: after a kill its yaw must not be taken for the one before it moved.
+
+    kept_still   what the file says that is there at the start
     """
 
-    def __init__(self) -> None:
+    def __init__(self, *, kept_still: bool = False) -> None:
         self.still = False
         self.force_m_s2: Three = (0.0, 0.0, 0.0)
         self.rate_rad_s: Three = (0.0, 0.0, 0.0)
         self._n = 0
         self._kept_ns: int | None = None
-        self._kept_still = False
+        self._kept_still = kept_still
 
     def due(self, message: Message) -> bool:
         """Take the message in; whether a copy is to be made."""
@@ -82,14 +85,21 @@ class Keeper:
 
 
 class StateFile:
-    """A sink that replaces the file by each copy. A disk that takes none is told once, and tried again each time."""
+    """A sink that replaces the file by each copy, and removes it where there is none to be kept.
+
+    A disk that takes none is told once, and tried again each time; the copy before goes too, for it knows nothing of
+    what has come since.
+    """
 
     def __init__(self, path: Path, *, talk: Callable[[str], None]) -> None:
         self._path = path
         self._talk = talk
         self._failed = False
 
-    def write(self, snapshot: Snapshot) -> None:
+    def write(self, snapshot: Snapshot | None) -> None:
+        if snapshot is None:
+            self._remove()
+            return
         who = snapshot.identity
         saved = SavedState(
             version=who.version,
@@ -105,6 +115,7 @@ class StateFile:
         try:
             write_state(self._path, saved)
         except OSError as error:
+            self._remove()
             if not self._failed:
                 self._talk(f"the attitude is not kept for a restart: {self._path} cannot be written ({error.strerror})")
             self._failed = True
@@ -115,6 +126,10 @@ class StateFile:
 
     def close(self) -> None:
         """Nothing is open."""
+
+    def _remove(self) -> None:
+        with suppress(OSError):
+            self._path.unlink()
 
 
 def _towards(mean: Three, value: Three, n: int) -> Three:

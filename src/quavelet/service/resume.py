@@ -17,6 +17,8 @@ RECENT_NS = 30 * NS_PER_S
 """An older state is not gone on from: who knows what became of the board."""
 LOOK_NS = NS_PER_S // 2
 """How much of the first samples is looked at; they are held back for so long."""
+LOOK_AT_FIELD_NS = NS_PER_S
+"""The same where there is a magnetometer, which is heeded only once the filter has settled after the gap."""
 SURE = 4.5
 """Sigmas of a mean beyond which it is not chance."""
 NOT_WHITE = 2.0
@@ -74,6 +76,7 @@ class Resuming:
         self._asleep_ns = asleep_ns
         self._talk = talk
         self._held: list[RawBlock] = []
+        self._look_ns = LOOK_NS if pipeline.state().heading is None else LOOK_AT_FIELD_NS
         self.resumed = False
 
     def state(self) -> PipelineState:
@@ -89,7 +92,7 @@ class Resuming:
         if not self._held and (reason := self._judge(saved)):
             return self._afresh(block, reason)
         self._held.append(block)
-        if block.t_ns[-1] - self._held[0].t_ns[0] < LOOK_NS:
+        if block.t_ns[-1] - self._held[0].t_ns[0] < self._look_ns:
             return self._pipeline.process(block[:0])
         rows = concat(self._held)
         try:
@@ -105,10 +108,11 @@ class Resuming:
             raise NoState("it is from the future")
         fresh = self._pipeline.state()
         try:
-            self._pipeline.restore(unpack_pipeline(saved.pipeline, like=fresh))
+            state = unpack_pipeline(saved.pipeline, like=fresh)
+            self._pipeline.restore(state)
             with np.errstate(all="raise", under="ignore"):
                 attitude = self._pipeline.process(_after_gap(rows, gap_ns))
-            _check(attitude)
+            _check(attitude, state)
         except (ArithmeticError, AssertionError, AttributeError, LookupError, TypeError, ValueError) as error:
             self._pipeline.restore(fresh)
             raise NoState("what is in it does not fit") from error
@@ -116,7 +120,10 @@ class Resuming:
             self._pipeline.restore(fresh)
             raise
         self._saved, self._held, self.resumed = None, [], True
-        self._talk(f"the attitude goes on from where it was {gap_ns / NS_PER_S:.1f} s before the first sample")
+        self._talk(
+            f"the attitude goes on from where it was {gap_ns / NS_PER_S:.1f} s before the first sample"
+            + ("" if state.heading else "; had the board been turned about the vertical since, nothing would show it")
+        )
         return attitude
 
     def _afresh(self, rows: RawBlock, reason: str) -> AttitudeBlock:
@@ -152,8 +159,12 @@ def _after_gap(rows: RawBlock, gap_ns: int) -> RawBlock:
     return replace(rows, flags=flags, gap_ns=gaps)
 
 
-def _check(attitude: AttitudeBlock) -> None:
+def _check(attitude: AttitudeBlock, state: PipelineState) -> None:
+    """Raises NoState where that is no attitude, or not the one that the magnetometer shows."""
     finite = all(np.isfinite(rows).all() for rows in (attitude.q, attitude.sigma_rad, attitude.gyro_bias_rad_s))
     unit = np.abs((attitude.q**2).sum(axis=1) - 1.0) < 1e-6
     if not finite or not unit.all():
         raise NoState("what is in it is no attitude")
+    if (attitude.flags & Flag.FIELD_DISTURBED).any() and not (state.heading and state.heading.disturbed):
+        # Turned about the vertical, as no other sensor shows; or iron has come near, which looks the same.
+        raise NoState("the magnetic field is not as it was")

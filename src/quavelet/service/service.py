@@ -26,7 +26,7 @@ from quavelet.service.notify import Notify
 from quavelet.service.outputs import STDOUT, Outputs
 from quavelet.service.reload import Reading, changes, with_hot
 from quavelet.service.status import status_of
-from quavelet.service.watchdog import Watchdog
+from quavelet.service.watchdog import NO_SAMPLE, Watchdog
 from quavelet.settings import Settings
 from quavelet.settings.service import AUTO
 from quavelet.sinks.message import Message, message_of
@@ -183,6 +183,8 @@ class Service:
                     return
                 self._tell_found(imu)
             self.watchdog.tick(message, self._words)
+            if self.continuity is not None and self.watchdog.state == NO_SAMPLE:
+                self.continuity.lost()
             self._heed_reload()
 
     def _words(self) -> str:
