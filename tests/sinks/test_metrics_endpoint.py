@@ -77,14 +77,21 @@ def test_get_metrics_is_answered_whole_and_as_prometheus_text():
 @pytest.mark.parametrize(
     ("request_", "expected"),
     [
-        (b"GET / HTTP/1.1\r\n\r\n", "404"),
-        (b"GET /metrics/../../etc/passwd HTTP/1.1\r\n\r\n", "404"),
-        (b"GET /metrics?a=b HTTP/1.1\r\n\r\n", "200"),
-        (b"POST /metrics HTTP/1.1\r\nContent-Length: 3\r\n\r\nabc", "405"),
-        (b"HEAD /metrics HTTP/1.1\r\n\r\n", "405"),
-        (b"GET  /metrics HTTP/1.1\r\n\r\n", "400"),
+        (b"GET / HTTP/1.0\r\n\r\n", "404"),
+        (b"GET /metrics/../../etc/passwd HTTP/1.0\r\n\r\n", "404"),
+        (b"GET /metrics?a=b HTTP/1.0\r\n\r\n", "200"),
+        (b"HEAD /metrics HTTP/1.0\r\n\r\n", "200"),
+        (b"HEAD / HTTP/1.0\r\n\r\n", "404"),
+        (b"POST /metrics HTTP/1.0\r\nContent-Length: 3\r\n\r\nabc", "405"),
+        (b"OPTIONS /metrics HTTP/1.0\r\n\r\n", "405"),
+        (b"GET  /metrics HTTP/1.0\r\n\r\n", "400"),
         (b"GET /metrics\r\n\r\n", "400"),
-        (b"GET http://elsewhere/metrics HTTP/1.1\r\n\r\n", "400"),
+        (b"GET http://elsewhere/metrics HTTP/1.0\r\n\r\n", "400"),
+        (b"GET /metrics HTTP/1.1\r\n\r\n", "400"),
+        (b"GET /metrics HTTP/1.1\r\nHost: localhost\r\nHost: localhost\r\n\r\n", "400"),
+        (b"GET /metrics HTTP/1.1\r\nHost: localhost/x\r\n\r\n", "400"),
+        (b"GET /metrics HTTP/1.1\r\nHost: \xff\r\n\r\n", "400"),
+        (b"GET /metrics HTTP/1.0\r\nHost: evil.example\r\n\r\n", "421"),
         (b"PRI * HTTP/2.0\r\n\r\n", "400"),
         (b"\x16\x03\x01\x02\x00\x01\x00\r\n\r\n", "400"),
         (b"\r\n\r\n", "400"),
@@ -103,7 +110,50 @@ def test_anything_else_is_told_so(request_, expected):
     )
 )
 def test_every_beginning_of_a_request_has_a_code(head):
-    assert code_of(head) in {"200", "400", "404", "405"}
+    assert code_of(head) in {"200", "400", "404", "405", "421"}
+
+
+@pytest.mark.parametrize(
+    "host",
+    [
+        "localhost:9650",
+        "127.0.0.1:9650",
+        "192.168.1.20",
+        "[::1]:9650",
+        "[fe80::1]",
+        "boat:9650",
+        "BOAT.local.:9650",
+        "boat.home.arpa",
+        "boat.lan",
+        "pi.example.org:9650",
+        "PI.Example.Org",
+    ],
+)
+def test_a_prometheus_that_asks_by_address_or_by_a_name_of_ours_is_answered(host):
+    head = b"GET /metrics HTTP/1.1\r\nhost:\t%b \r\n\r\n" % host.encode()
+    assert code_of(head, own=("0.0.0.0", "pi.example.org")) == "200"
+
+
+@pytest.mark.parametrize(
+    "host", ["evil.example", "evil.example:9650", "pi.example.org.evil.example", "xlocal.com", "127.0.0.1.evil.example"]
+)
+def test_a_page_whose_name_was_made_to_mean_this_machine_reads_no_figures(host):
+    async def scenario(endpoint: MetricsEndpoint) -> None:
+        answer = await ask(endpoint, b"GET /metrics HTTP/1.1\r\nHost: %b\r\n\r\n" % host.encode())
+        assert code(answer) == "421"
+        assert b"quavelet_" not in answer and b"give this name in [service] metrics" in answer
+
+    run(scenario)
+
+
+def test_head_is_answered_with_the_lines_of_get_and_no_body():
+    async def scenario(endpoint: MetricsEndpoint) -> None:
+        lines, end, body = (await ask(endpoint, GOOD.replace(b"GET", b"HEAD"))).partition(b"\r\n\r\n")
+        assert lines.startswith(b"HTTP/1.1 200 OK\r\n") and (end, body) == (b"\r\n\r\n", b"")
+        length = int(lines.partition(b"Content-Length: ")[2].split(b"\r\n")[0])
+        assert length > 1000
+
+    run(scenario)
 
 
 def test_a_request_that_does_not_end_is_given_up():
@@ -148,7 +198,9 @@ def test_ten_megabytes_of_request_take_no_memory_and_are_cut_off():
     assert run(scenario).answers == {"431": 1, "200": 1}
 
 
-def test_two_hundred_silent_connections_keep_nobody_out_for_longer_than_the_patience():
+def test_two_hundred_silent_connections_keep_nobody_out_for_longer_than_the_patience(monkeypatch):
+    monkeypatch.setattr("quavelet.sinks.listener.REST_S", 0.0002)
+
     async def scenario(endpoint: MetricsEndpoint) -> None:
         # One after the other: more at once than the kernel's queue holds would be known to the client only.
         silent = [await asyncio.open_connection("127.0.0.1", endpoint.port) for _ in range(200)]

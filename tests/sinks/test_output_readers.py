@@ -180,7 +180,10 @@ def open_files() -> int:
     return sum(1 for _ in Path("/proc/self/fd").iterdir())
 
 
-def test_a_thousand_readers_that_come_and_go_leave_nothing_behind(rig: Rig, place: Place) -> None:
+def test_a_thousand_readers_that_come_and_go_leave_nothing_behind(
+    rig: Rig, place: Place, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("quavelet.sinks.listener.REST_S", 0.0002)
     output, address = place(rig)
     threads, tasks = threading.active_count(), len(asyncio.all_tasks(rig.network._loop))
     with reading(address) as end:
@@ -236,6 +239,27 @@ def test_a_file_that_is_no_socket_is_never_removed(tmp_path: Path) -> None:
             rig.output(f"unix:{path}")
         assert f"{path} is there and is no socket" in rig.said[0]
     assert path.read_text() == "precious"
+
+
+def test_a_path_that_cannot_be_is_told_with_what_it_is(rig: Rig, tmp_path: Path) -> None:
+    for path, why in (
+        (tmp_path / "not here" / "x.sock", "not here: No such file or directory"),
+        ("~nobody-of-that-name/x.sock", "~nobody-of-that-name: No such file or directory"),
+    ):
+        with pytest.raises(AssertionError):
+            rig.output(f"unix:{path}")
+        assert any(why in said for said in rig.said)
+
+
+def test_a_home_too_deep_for_a_socket_is_told_with_its_path(
+    rig: Rig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    home = tmp_path / ("x" * 100)
+    home.mkdir()
+    monkeypatch.setenv("HOME", str(home))
+    with pytest.raises(AssertionError):
+        rig.output("unix:~/x.sock")
+    assert f"'{home}/x.sock' is no path of a socket: give at most" in rig.said[0]
 
 
 def test_all_of_ipv6_is_all_of_ipv4_too(rig: Rig) -> None:

@@ -68,7 +68,7 @@ class ControlSocket:
         await self.readers.close()
 
     def stats(self) -> TransportStats:
-        return self.readers.stats("closed" if self._listener is None else f"listening on {self.path}")
+        return self.readers.stats("closed" if self._listener is None else self._listener.state)
 
     def answer(self, asker: Reader, question: bytes) -> bytes:
         """The whole answer to a line; b"" where `asker` has become a watcher."""

@@ -3,17 +3,23 @@
     [service]
     metrics = "127.0.0.1:9650"
 
-It answers `GET /metrics` and nothing else, one request a connection. What asks wrongly, slowly or at too great length
-is told so by its status code, or cut off, and is counted by that code.
+It answers `GET` and `HEAD` of /metrics and nothing else, one request a connection. What asks wrongly, slowly or at too
+great length is told so by its status code, or cut off, and is counted by that code. A page in a browser on this network
+may be of a host whose name has been made to mean this machine (DNS rebinding): who asks for a name that anybody could
+have registered is refused.
 """
 
 from __future__ import annotations
 
 import asyncio
 import logging
+import re
 from collections import Counter
 from collections.abc import Callable
+from ipaddress import ip_address
+from socket import gethostname
 
+from quavelet.sinks.listener import Listener, tcp_sockets
 from quavelet.sinks.message import Message
 from quavelet.sinks.metrics_text import metrics_text
 from quavelet.sinks.status import Status
@@ -30,10 +36,14 @@ _REASONS = {
     "404": "Not Found",
     "405": "Method Not Allowed",
     "408": "Request Timeout",
+    "421": "Misdirected Request",
     "431": "Request Header Fields Too Large",
     "500": "Internal Server Error",
     "503": "Service Unavailable",
 }
+_HOST = re.compile(rb"(\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9._-]+)(?::[0-9]*)?")
+_PRIVATE = (".localhost", ".local", ".internal", ".home.arpa", ".lan")
+"""Nobody can register a name that ends so: RFC 6761, 6762, 8375, and what ICANN has set aside or never gave."""
 _PLAIN = "text/plain; charset=utf-8"
 _METRICS = "text/plain; version=0.0.4; charset=utf-8"
 
@@ -53,13 +63,13 @@ class MetricsEndpoint:
         self._host, self._port = host, port
         self._status = status
         self._patience_s = patience_s
-        self._server: asyncio.Server | None = None
+        self._listener: Listener | None = None
         self._tasks: set[asyncio.Task[None]] = set()
 
     @property
     def port(self) -> int:
         """Where it listens, once it is open."""
-        return int(self._server.sockets[0].getsockname()[1]) if self._server and self._server.sockets else self._port
+        return int(self._listener.sockets[0].getsockname()[1]) if self._listener else self._port
 
     @property
     def waiting(self) -> int:
@@ -68,7 +78,8 @@ class MetricsEndpoint:
 
     async def open(self) -> None:
         """Begin to listen. Raises OSError where the address is taken or not ours."""
-        self._server = await asyncio.start_server(self._accept, self._host, self._port, limit=LONGEST_REQUEST_BYTES)
+        sockets = await tcp_sockets(self._host, self._port)
+        self._listener = Listener(f"metrics on {self._host}:{self._port}", sockets, self._protocol)
 
     def write(self, message: Message) -> bool:
         """Figures are asked for: a message by itself sends none."""
@@ -77,14 +88,17 @@ class MetricsEndpoint:
 
     async def close(self) -> None:
         """Stop listening and cut off whoever is connected."""
-        if self._server is not None:
-            self._server.close()
-            self._server = None
+        if self._listener is not None:
+            listener, self._listener = self._listener, None
+            await listener.close()
         tasks = tuple(self._tasks)
         for task in tasks:
             task.cancel()
         if tasks:
             await asyncio.wait(tasks)
+
+    def _protocol(self) -> asyncio.StreamReaderProtocol:
+        return asyncio.StreamReaderProtocol(asyncio.StreamReader(limit=LONGEST_REQUEST_BYTES), self._accept)
 
     def _accept(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         task = asyncio.get_running_loop().create_task(self._serve(reader, writer))
@@ -95,10 +109,10 @@ class MetricsEndpoint:
         # Nothing stays behind: drain returns when all of the answer is the kernel's.
         writer.transport.set_write_buffer_limits(0)
         try:
-            code = "503" if len(self._tasks) > MOST_CONNECTIONS else await self._code(reader)
+            code, head = ("503", b"") if len(self._tasks) > MOST_CONNECTIONS else await self._asked(reader)
             self.answers[code] += 1
             if code != "none":
-                writer.write(_answer(*self._body(code)))
+                writer.write(_answer(*self._body(code), alone=head.startswith(b"HEAD ")))
                 async with asyncio.timeout(self._patience_s):
                     await writer.drain()
             writer.close()
@@ -108,19 +122,22 @@ class MetricsEndpoint:
             if not writer.is_closing():
                 writer.transport.abort()
 
-    async def _code(self, reader: asyncio.StreamReader) -> str:
+    async def _asked(self, reader: asyncio.StreamReader) -> tuple[str, bytes]:
+        """The code for a request, and the request."""
         try:
             async with asyncio.timeout(self._patience_s):
                 head = await reader.readuntil(b"\r\n\r\n")
         except TimeoutError:
-            return "408"
+            return "408", b""
         except asyncio.LimitOverrunError:
-            return "431"
+            return "431", b""
         except (asyncio.IncompleteReadError, OSError):
-            return "none"
-        return code_of(head)
+            return "none", b""
+        return code_of(head, own=(self._host, gethostname())), head
 
     def _body(self, code: str) -> tuple[str, str]:
+        if code == "421":
+            return code, f"421 {_REASONS[code]}: ask by address, or give this name in [service] metrics\n"
         if code != "200":
             return code, f"{code} {_REASONS[code]}: ask with GET /metrics\n"
         try:
@@ -131,23 +148,44 @@ class MetricsEndpoint:
             return "500", "500 the log says why\n"
 
 
-def code_of(head: bytes) -> str:
-    """The status code that answers a request beginning so."""
-    words = head.split(b"\r\n", 1)[0].split(b" ")
+def code_of(head: bytes, *, own: tuple[str, ...] = ()) -> str:
+    """The status code that answers a request beginning so; `own` are names of this machine."""
+    first, *fields = head.split(b"\r\n")
+    words = first.split(b" ")
     if len(words) != 3 or not words[2].startswith(b"HTTP/1.") or not words[1].startswith(b"/"):
         return "400"
+    named = (field.partition(b":") for field in fields)
+    hosts = [value.strip() for name, _, value in named if name.strip().lower() == b"host"]
+    # RFC 9112, 3.2: only HTTP/1.0 may leave it out, nobody may give two.
+    if len(hosts) > 1 or not (hosts or words[2] == b"HTTP/1.0") or not all(map(_HOST.fullmatch, hosts)):
+        return "400"
+    if not all(is_ours(host.decode("ascii"), own=own) for host in hosts):
+        return "421"
     if words[1].partition(b"?")[0] != b"/metrics":
         return "404"
-    return "200" if words[0] == b"GET" else "405"
+    return "200" if words[0] in (b"GET", b"HEAD") else "405"
 
 
-def _answer(code: str, body: str) -> bytes:
+def is_ours(host: str, *, own: tuple[str, ...]) -> bool:
+    """Whether a Host field's value cannot be a name that a stranger has registered."""
+    name = host.partition(":")[0].lower().removesuffix(".")
+    if host.startswith("[") or "." not in name or name.endswith(_PRIVATE) or name in {one.lower() for one in own}:
+        return True
+    try:
+        ip_address(name)
+    except ValueError:
+        return False
+    return True
+
+
+def _answer(code: str, body: str, *, alone: bool) -> bytes:
+    """Its lines and its body; `alone`: the lines of the same answer without it, for HEAD."""
     data = body.encode("utf-8", "replace")
     lines = [
         f"HTTP/1.1 {code} {_REASONS[code]}",
         f"Content-Type: {_METRICS if code == '200' else _PLAIN}",
         f"Content-Length: {len(data)}",
-        *(["Allow: GET"] if code == "405" else []),
+        *(["Allow: GET, HEAD"] if code == "405" else []),
         "Connection: close",
     ]
-    return "\r\n".join((*lines, "", "")).encode("ascii") + data
+    return "\r\n".join((*lines, "", "")).encode("ascii") + (b"" if alone else data)

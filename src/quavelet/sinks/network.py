@@ -277,6 +277,8 @@ class Network:
 
 
 def _why(error: BaseException) -> str:
-    """In words, without the number of an error of the system."""
+    """In words, without the number of an error of the system, and with its file."""
     system = error.strerror if isinstance(error, OSError) and not isinstance(error, ImuError) else None
+    if system and isinstance(error, OSError) and error.filename:
+        return f"{error.filename}: {system}"
     return system or str(error) or type(error).__name__

@@ -15,16 +15,6 @@ HEARD_PAUSE_S = 0.1
 FINISH_S = 0.5
 
 
-async def stop(server: asyncio.Server) -> None:
-    """Take no more connections."""
-    loop = asyncio.get_running_loop()
-    for sock in server.sockets:
-        loop.remove_reader(sock)
-    # One that was accepted in this very round would find the server closed and be left open.
-    await asyncio.sleep(0)
-    server.close()
-
-
 class Reader(asyncio.BufferedProtocol):
     """One connection. What the other side says is read slowly and thrown away, so that it costs next to nothing."""
 

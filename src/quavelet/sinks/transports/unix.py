@@ -13,9 +13,11 @@ from contextlib import suppress
 from pathlib import Path
 
 from quavelet.core.errors import SettingsError
+from quavelet.settings.service import check_socket_path
+from quavelet.sinks.listener import QUEUE, Listener
 from quavelet.sinks.plan import OutputPlan
 from quavelet.sinks.transport import TransportStats
-from quavelet.sinks.transports.readers import KERNEL_BYTES, Reader, Readers, stop
+from quavelet.sinks.transports.readers import KERNEL_BYTES, Reader, Readers
 
 ACCESS = 0o660
 LOCK_TRIES = 50
@@ -26,7 +28,8 @@ class UnixTransport:
     """Listens on a path; the file is there from `open` to `close`."""
 
     def __init__(self, plan: OutputPlan) -> None:
-        self._path = Path(plan.settings.destination.path).expanduser()
+        # Not Path.expanduser, which raises where there is no such user: that folder is not there, and is told as such.
+        self._path = Path(os.path.expanduser(plan.settings.destination.path))  # noqa: PTH111
         self._readers = Readers(plan.settings.readers)
         self._listener: UnixListener | None = None
 
@@ -44,28 +47,31 @@ class UnixTransport:
         await self._readers.close()
 
     def stats(self) -> TransportStats:
-        return self._readers.stats("closed" if self._listener is None else f"listening on {self._path}")
+        return self._readers.stats("closed" if self._listener is None else self._listener.state)
 
 
-class UnixListener:
+class UnixListener(Listener):
     """A listening socket and its file."""
 
-    def __init__(self, path: Path, server: asyncio.Server) -> None:
+    def __init__(
+        self, path: Path, inode: int, sock: socket.socket, protocol: Callable[[], asyncio.BaseProtocol]
+    ) -> None:
+        super().__init__(str(path), [sock], protocol)
         self._path = path
-        self._server = server
-        self._inode = path.stat().st_ino
+        self._inode = inode
 
     async def close(self) -> None:
         """Take no more readers, and take the file away where it is still ours."""
         with suppress(OSError):
-            if self._path.stat().st_ino == self._inode:
+            if self._path.lstat().st_ino == self._inode:
                 self._path.unlink()
-        await stop(self._server)
+        await super().close()
 
 
 async def listen(path: Path, protocol: Callable[[], asyncio.BaseProtocol]) -> UnixListener:
     """Listen on `path`; a file that a dead process left there goes. Raises SettingsError where another program listens
-    there or it is no socket, OSError where the file cannot be made."""
+    there, it is no socket or the path is too long, OSError where the file cannot be made."""
+    check_socket_path("path", str(path))
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as sock:
         # Two programs that begin at once must not each take the other's file for a dead one's.
         folder = os.open(path.parent, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
@@ -75,13 +81,12 @@ async def listen(path: Path, protocol: Callable[[], asyncio.BaseProtocol]) -> Un
             sock.bind(str(path))
             # Nobody can connect before it listens, so nobody comes in by the access that bind gave it.
             path.chmod(ACCESS)
-            sock.setblocking(False)
             sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, KERNEL_BYTES)
-            sock.listen(64)
+            inode = path.lstat().st_ino
+            sock.listen(QUEUE)
+            return UnixListener(path, inode, sock.dup(), protocol)
         finally:
             os.close(folder)
-        server = await asyncio.get_running_loop().create_unix_server(protocol, sock=sock.dup())
-        return UnixListener(path, server)
 
 
 async def _lock(folder: int, path: Path) -> None:
