@@ -211,3 +211,40 @@ def test_what_is_wrong_with_a_socket_is_said(tmp_path: Path) -> None:
         ask_status(path)
     with pytest.raises(AskError, match="is not that of a service"):
         decode_status(path, b"HTTP/1.1 200 OK\n")
+
+
+def test_who_finds_many_before_him_waits_for_his_turn(tmp_path: Path) -> None:
+    path = tmp_path / "imu.sock"
+    with socket.socket(socket.AF_UNIX) as service, ExitStack() as stack:
+        service.bind(str(path))
+        service.listen(0)
+        stack.enter_context(reading(path))  # the queue is full
+        answer: list[bytes] = []
+        asking = threading.Thread(target=lambda: answer.append(ask_status(path)))
+        asking.start()
+        for reply in (b"", b"{}\n"):
+            connection = stack.enter_context(service.accept()[0])
+            connection.sendall(reply)
+        asking.join(BOUND_S)
+        assert answer == [b"{}\n"]
+
+
+def test_an_answer_without_end_is_read_to_its_first_line(tmp_path: Path) -> None:
+    path, done = tmp_path / "imu.sock", threading.Event()
+
+    def talk(service: socket.socket) -> None:
+        with service.accept()[0] as connection:
+            try:
+                while not done.is_set():
+                    connection.sendall(b"{}\n" * 1000)
+            except OSError:
+                done.set()
+
+    with socket.socket(socket.AF_UNIX) as service:
+        service.bind(str(path))
+        service.listen(1)
+        talking = threading.Thread(target=talk, args=(service,))
+        talking.start()
+        assert ask_status(path) == b"{}\n"
+        talking.join(BOUND_S)
+        assert not talking.is_alive()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+import struct
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -45,7 +46,7 @@ def find_socket(which: str | None, *, environ: Mapping[str, str], system: Path =
 
 def ask_status(path: Path) -> bytes:
     """The answer to `status`, one line of JSON. Raises AskError."""
-    answer = b"".join(_lines(path, "status"))
+    answer = next(_lines(path, "status"), b"")
     if not answer.endswith(b"\n"):
         raise AskError(f"{path}: the service ended before it had answered: ask again")
     return _not_refused(path, answer)
@@ -68,9 +69,11 @@ def watch(path: Path, *, hz: float | None = None) -> Iterator[bytes]:
 def _lines(path: Path, question: str) -> Iterator[bytes]:
     """What comes back, line by line; it may take its time, but not for the first connection."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as sock:
-        sock.settimeout(PATIENCE_S)
+        # The kernel lets who finds many before him wait, but not where Python has the timeout.
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, struct.pack("@ll", int(PATIENCE_S), 0))
         try:
             sock.connect(str(path))
+            sock.settimeout(PATIENCE_S)
             # Who has no place for us says so and closes, without hearing what we want.
             with suppress(BrokenPipeError, ConnectionResetError):
                 sock.sendall(question.encode() + b"\n")
@@ -87,7 +90,7 @@ def _lines(path: Path, question: str) -> Iterator[bytes]:
             raise AskError(
                 f"{path} may not be asked by this user: use sudo, or join the group that `ls -l` names"
             ) from error
-        except TimeoutError as error:
+        except (TimeoutError, BlockingIOError) as error:
             raise AskError(f"{path}: no answer within {PATIENCE_S:g} s: see its journal") from error
         except ConnectionResetError:
             return
