@@ -150,7 +150,7 @@ def run(folder: Path, *, sample_hz: float, loop_hz: float, seconds: float, mode:
     (folder / "recordings").mkdir()
     with ExitStack() as stack:
         ports = {name: free_port() for name in ("metrics", "tcp", "udp")} if mode == MODES[2] else None
-        if ports is not None and shutil.which("mosquitto") and find_spec("aiomqtt"):
+        if ports is not None and shutil.which("mosquitto") and find_spec("paho"):
             ports["mqtt"] = free_port()
             stack.enter_context(broker(ports["mqtt"]))
         config = folder / "imu.toml"
