@@ -57,6 +57,11 @@ for _ in range(10):
     fill()
     more(30)
 assert len(rig.told) == 1, rig.told
+# A try takes what is left of a page, then fails.
+for _ in range(5):
+    if not rig.recorder.stats().stopped:
+        fill()
+        more(1)
 stats = rig.recorder.stats()
 assert stats.unwritten > 100 and "No space" in stats.stopped, stats
 assert not [path for path in rig.files if path.stat().st_size == 0]

@@ -199,8 +199,8 @@ def _tell_ending(service: Service) -> int:
     tell_counts(imu.health, imu.bus.name, imu.measured_rate_hz)
     _tell_loop(imu.loop.stats)
     _tell_lost(service.messages)
-    if service.recorder is not None:
-        talk(recordings.in_words(service.recorder.stats()))
+    if (stats := service.recording_stats()) is not None:
+        talk(recordings.in_words(stats))
     return outcome(service.messages)
 
 

@@ -103,7 +103,8 @@ def _wrong(status: Status) -> Iterator[str]:
             yield f"{key} has turned readers away, {output.refused} times: raise {key}.readers"
     recording = status.recording
     if recording is not None and (recording.lost or recording.state.startswith("stopped")):
-        yield f"the recording is {recording.state} and has lost {recording.lost} drains: is the disk full, or too slow?"
+        lost = f"{recording.lost} {recording.kind}"
+        yield f"the recording is {recording.state} and has lost {lost}: is the disk full, or too slow?"
     if status.clock.synchronised is False:
         yield "the time of day is not kept by a time server: do not compare it with other machines (see `timedatectl`)"
 

@@ -13,8 +13,7 @@ Times are UTC by the offset that `offset_ns` says, one for the whole file, so th
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime, timedelta
 from importlib.metadata import version
 from pathlib import Path
@@ -28,8 +27,9 @@ from quavelet.core.blocks import AttitudeBlock, Flag, RawBlock, YawFrom
 from quavelet.core.errors import RecordingError, SettingsError
 from quavelet.core.mounting import Axes, rotation
 from quavelet.core.quaternion import from_matrix
-from quavelet.core.units import NS_PER_MS
+from quavelet.core.units import NS_PER_MS, NS_PER_S
 from quavelet.recording import mcap_words as words
+from quavelet.recording.disk_file import DiskFile, Room
 from quavelet.recording.format import Header
 
 if TYPE_CHECKING:
@@ -48,6 +48,16 @@ SUFFIX = ".mcap"
 MAGIC = b"\x89MCAP0\r\n"
 CHUNK_BYTES = 1 << 18
 """Written and compressed together: what a file that was cut loses at its end."""
+SAMPLE_BYTES = 800
+"""What a sample takes before it is compressed, at least."""
+_MOST_SAMPLE_BYTES = 2048
+"""With the longest numbers, and all that can be said of it."""
+_MESSAGE_BYTES = 31 + 16
+"""Around each message: its record's head, and its place in the chunk's index."""
+_PER_CHUNK_BYTES = 300
+"""Around each chunk: its head, indexes of all topics, and its entry at the end of the file."""
+_END_BYTES = 1000
+"""At the end of the file besides the schemas and topics, which stand there again."""
 TESLA_PER_UT = 1e-6
 _INFO, _WARNING = 2, 3
 _NO_ROTATION = words.Rotation(0.0, 0.0, 0.0, 1.0)
@@ -70,15 +80,32 @@ class Sample(NamedTuple):
 class McapWriter:
     """A new MCAP file at `path`; a context manager. One that was never closed has no index, but can be read.
 
-    offset_ns   to be added to times of blocks for ns since 1970
-    axes        how the chip is mounted
-    about       what stands in the file's metadata under "quavelet"
-    Raises SettingsError where the package mcap is not there, RecordingError where the file cannot be written.
+    offset_ns    to be added to times of blocks for ns since 1970
+    axes         how the chip is mounted
+    about        what stands in the file's metadata under "quavelet"
+    room         is asked before anything is written; with it the file is locked until it is closed
+    fsync_s      the disk is waited for every so many seconds; 0: only by `close`
+    chunk_bytes  written and compressed together: what a file that was cut loses at its end
+    waiting      samples taken that were not handed to the operating system yet
+
+    Raises SettingsError where the package mcap is not there; it and each method RecordingError where the file cannot be
+    written, which is closed then.
     """
 
-    def __init__(self, path: Path, *, offset_ns: int, axes: Axes, about: Mapping[str, str]) -> None:
-        writer = _writer()
+    def __init__(
+        self,
+        path: Path,
+        *,
+        offset_ns: int,
+        axes: Axes,
+        about: Mapping[str, str],
+        room: Room | None = None,
+        fsync_s: float = 0.0,
+        chunk_bytes: int = CHUNK_BYTES,
+    ) -> None:
+        writer = mcap_library()
         self.path = path
+        self.waiting = 0
         self._offset_ns = offset_ns
         self._axes = axes
         self._mounted = False
@@ -86,32 +113,47 @@ class McapWriter:
         self._yaw = ""
         self._names: dict[int, list[str]] = {}
         self._sequence = 0
-        try:
-            self._file = path.open("xb")
-        except FileExistsError as error:
-            raise RecordingError(f"{path} exists: give another name, or move it away first") from error
-        except OSError as error:
-            raise self._error(error) from error
-        self._writer = writer(self._file, chunk_size=CHUNK_BYTES, enable_data_crcs=True)
+        self._fsync_ns = round(fsync_s * NS_PER_S)
+        self._synced_ns: int | None = None
+        self._chunks = self._described_bytes = self._pending_bytes = 0
         self._channels: dict[str, int] = {}
-        self._guarded(lambda: self._begin(about))
+        self._file = DiskFile(path, room=room)
+        self._writer = writer(_Stream(self._file), chunk_size=chunk_bytes, enable_data_crcs=True)
+        try:
+            self._begin(about)
+        except RecordingError:
+            # Nothing is in it, and the next try would be refused for it.
+            path.unlink(missing_ok=True)
+            raise
 
-    def write(self, block: AttitudeBlock) -> None:
-        """The attitude of each sample; what is doubtful where that changes."""
-        self._guarded(lambda: self._write_attitude(block))
-
-    def write_sample(self, sample: Sample) -> None:
-        """One of these."""
-        self._guarded(lambda: self._write_sample(sample))
+    def write(self, item: AttitudeBlock | Sample) -> None:
+        """The attitude of one sample, or of each of a block; what is doubtful where that changes."""
+        self._file.must_be_open()
+        if isinstance(item, Sample):
+            self._write_sample(item)
+        else:
+            self._write_attitude(item)
 
     def write_raw(self, block: RawBlock) -> None:
         """What the chip gave, scaled by its ranges."""
-        self._guarded(lambda: self._write_raw(block))
+        self._file.must_be_open()
+        self._write_raw(block)
+
+    def size_with(self, item: Sample) -> int:
+        """The most bytes that the file has with this sample in it too, and closed. What waits may yet shrink."""
+        del item
+        chunks = _PER_CHUNK_BYTES * (self._chunks + 2)
+        waiting = self._pending_bytes + _MOST_SAMPLE_BYTES
+        return self._file.size_bytes + waiting + chunks + self._described_bytes + _END_BYTES
 
     def close(self) -> None:
-        """Write the index and close the file. May be called twice."""
-        if not self._file.closed:
-            self._guarded(self._end)
+        """Write the index, and wait until all is on the disk. May be called twice."""
+        if self._file.closed:
+            return
+        self._writer.finish()
+        self._file.flush()
+        self._file.sync()
+        self._file.close()
 
     def __enter__(self) -> Self:
         return self
@@ -123,18 +165,19 @@ class McapWriter:
 
     def _begin(self, about: Mapping[str, str]) -> None:
         self._writer.start(profile="", library=f"quavelet {version('quavelet')}")
-        kinds = {
-            name: self._writer.register_schema(name, "jsonschema", msgspec.json.encode(schema))
-            for name, schema in words.SCHEMAS.items()
-        }
+        schemas = {name: msgspec.json.encode(schema) for name, schema in words.SCHEMAS.items()}
+        kinds = {name: self._writer.register_schema(name, "jsonschema", text) for name, text in schemas.items()}
+        self._described_bytes = sum(map(len, schemas.values())) + 100 * (len(schemas) + len(TOPICS))
+        # They stand in the first chunk.
+        self._pending_bytes = self._described_bytes
         for topic, kind in TOPICS.items():
             self._channels[topic] = self._writer.register_channel(topic, "json", kinds[kind])
         frames = f"{WORLD}: z up, y north once yaw is magnetic or true; {BODY}: as mounted; {CHIP}: the chip's own axes"
         self._writer.add_metadata("quavelet", {"frames": frames, "offset_ns": str(self._offset_ns), **about})
-
-    def _end(self) -> None:
-        self._writer.finish()
-        self._file.close()
+        self._file.flush()
+        if self._fsync_ns:
+            self._file.sync()
+            self._file.sync_folder()
 
     def _write_attitude(self, block: AttitudeBlock) -> None:
         rows = zip(
@@ -164,6 +207,8 @@ class McapWriter:
         gyro, accel = words.Vector(*sample.gyro_rad_s), words.Vector(*sample.accel_m_s2)
         header = words.Header(time, BODY)
         self._put("/imu/data", t_ns, words.Imu(header, turned, covariance_of(sample.sigma_rad), gyro, accel))
+        if self._pending_bytes:
+            self.waiting += 1
 
     def _write_raw(self, block: RawBlock) -> None:
         counts = block.counts.astype(np.float64)
@@ -203,20 +248,36 @@ class McapWriter:
     def _put(self, topic: str, t_ns: int, message: msgspec.Struct) -> None:
         utc_ns = t_ns + self._offset_ns
         self._sequence = (self._sequence + 1) % (1 << 32)
-        self._writer.add_message(self._channels[topic], utc_ns, _encode(message), utc_ns, self._sequence)
+        text = _encode(message)
+        self._writer.add_message(self._channels[topic], utc_ns, text, utc_ns, self._sequence)
+        self._pending_bytes += len(text) + _MESSAGE_BYTES
+        if self._file.waiting_bytes:
+            self._hand_over_chunk(t_ns)
 
-    def _guarded(self, step: Callable[[], None]) -> None:
-        if self._file.closed:
-            raise RecordingError(f"{self.path} is closed: write to a new file")
-        try:
-            step()
-        except OSError as error:
-            with suppress(OSError):
-                self._file.close()
-            raise self._error(error) from error
+    def _hand_over_chunk(self, t_ns: int) -> None:
+        self._file.flush()
+        self._chunks += 1
+        self._pending_bytes = self.waiting = 0
+        if self._synced_ns is None:
+            self._synced_ns = t_ns
+        # Time that goes back is another clock's.
+        if self._fsync_ns and not 0 <= t_ns - self._synced_ns < self._fsync_ns:
+            self._file.sync()
+            self._synced_ns = t_ns
 
-    def _error(self, error: OSError) -> RecordingError:
-        return RecordingError(f"{self.path} cannot be written ({error.strerror}): make room, or give another place")
+
+class _Stream:
+    """What the mcap library writes to."""
+
+    def __init__(self, file: DiskFile) -> None:
+        self._file = file
+
+    def write(self, data: bytes, /) -> int:
+        self._file.append(data)
+        return len(data)
+
+    def tell(self) -> int:
+        return self._file.size_bytes
 
 
 def covariance_of(sigma_rad: Sequence[float]) -> words.Nine:
@@ -239,7 +300,8 @@ def offset_of(header: Header) -> int:
         raise RecordingError(f"the recording's start, '{header.started_utc}', is no time: record again") from error
 
 
-def _writer() -> type[Writer]:
+def mcap_library() -> type[Writer]:
+    """What writes MCAP. Raises SettingsError where the package is not there."""
     try:
         from mcap.writer import Writer
     except ImportError as error:

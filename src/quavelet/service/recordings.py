@@ -3,13 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
+from importlib.metadata import version
 from pathlib import Path
 
 from quavelet.core.clock import Clock
+from quavelet.loop.hub import Hub
+from quavelet.recording.mcap_recorder import RotatingMcap
 from quavelet.recording.recorder import RotatingRecorder
 from quavelet.recording.rotation import Bounds, RotationStats
 from quavelet.settings import Settings
+from quavelet.sinks.encodings.wall_time import offset_from
+from quavelet.sinks.message import Message
 from quavelet.sinks.status import RecordingStatus
+
+NAME = "recordings"
+"""Of its queue."""
 
 DEPTH = 2048
 """Drains that may wait for the disk: an SD card that is busy with itself takes seconds for an fsync."""
@@ -17,13 +26,29 @@ DEPTH = 2048
 
 def recorder_for(
     settings: Settings, *, name: str, clock: Clock, tell: Callable[[str], None]
-) -> RotatingRecorder | None:
-    """The recorder, None where none is wanted. Its files' names begin with `name`."""
+) -> RotatingRecorder | RotatingMcap | None:
+    """The recorder, None where none is wanted; its files' names begin with `name`.
+
+    Raises SettingsError for MCAP without its package.
+    """
     recording = settings.recording
     if not recording.directory:
         return None
+    directory = Path(recording.directory).expanduser()
+    if recording.format == "mcap":
+        return RotatingMcap(
+            directory,
+            name=name,
+            bounds=Bounds.of(recording),
+            axes=settings.mounting.axes,
+            about={"src": settings.bus.name, "version": version("quavelet")},
+            offset_ns=offset_from(clock),
+            rate_hz=settings.loop.rate_hz,
+            tell=tell,
+            fsync_s=recording.fsync_s,
+        )
     return RotatingRecorder(
-        Path(recording.directory).expanduser(),
+        directory,
         name=name,
         bounds=Bounds.of(recording),
         settings=settings,
@@ -33,21 +58,30 @@ def recorder_for(
     )
 
 
+def stats_of(recorder: RotatingRecorder | RotatingMcap, messages: Hub[Message]) -> RotationStats:
+    """What became of all; messages have no numbers, so it is their queue that knows which never came."""
+    stats = recorder.stats()
+    missed = sum(queue.lost for queue in messages.stats() if queue.name == NAME)
+    return replace(stats, missed=stats.missed + missed)
+
+
 def status_of(stats: RotationStats) -> RecordingStatus:
     """What `quavelet status` says of it."""
     state = "recording" if stats.file else "waiting for the chip"
     if stats.stopped:
         state = f"stopped: {stats.stopped}"
-    return RecordingStatus(state=state, file=stats.file, bytes=stats.used_bytes, lost=stats.missed + stats.unwritten)
+    lost = stats.missed + stats.unwritten
+    return RecordingStatus(state=state, file=stats.file, bytes=stats.used_bytes, lost=lost, kind=stats.kind)
 
 
 def in_words(stats: RotationStats) -> str:
     """What came of it, to be told at the end."""
-    words = f"recordings: {stats.files} files begun, {stats.written} drains written"
+    words = f"recordings: {stats.files} files begun, {stats.written} {stats.kind} written"
     if stats.deleted:
         words += f", {stats.deleted} older files deleted for room"
     if stats.missed:
-        words += f", {stats.missed} drains lost to a slow disk, each marked as a gap on replay"
+        words += f", {stats.missed} {stats.kind} lost to a slow disk"
+        words += ", each marked as a gap on replay" if stats.kind == "drains" else ""
     if stats.unwritten:
-        words += f", {stats.unwritten} drains lost while nothing could be written"
+        words += f", {stats.unwritten} {stats.kind} lost while nothing could be written"
     return words

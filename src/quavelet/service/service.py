@@ -18,7 +18,9 @@ from quavelet.loop.others import keep_others_running
 from quavelet.loop.realtime import apply_realtime
 from quavelet.mpu6050.drain import Drain
 from quavelet.mpu6050.stream import StreamInfo
+from quavelet.recording.mcap_recorder import RotatingMcap
 from quavelet.recording.recorder import RotatingRecorder
+from quavelet.recording.rotation import RotationStats
 from quavelet.recording.writer import RecordingWriter
 from quavelet.service import host, recordings
 from quavelet.service.continuity import Continuity, continuity_for
@@ -29,6 +31,7 @@ from quavelet.service.status import status_of
 from quavelet.service.watchdog import NO_SAMPLE, Watchdog
 from quavelet.settings import Settings
 from quavelet.settings.service import AUTO
+from quavelet.sinks.mcap_file import McapFile
 from quavelet.sinks.message import Message, message_of
 from quavelet.sinks.status import Status
 
@@ -94,7 +97,7 @@ class Service:
         self._opened = opened or (lambda name, clock: open_bus(name, clock=clock))
         self._console = console
         self._realtime = realtime
-        self.recorder: RotatingRecorder | None = None
+        self.recorder: RotatingRecorder | RotatingMcap | None = None
         self._writer: RecordingWriter | None = None
         self._stopped = False
         self._is_punctual = False
@@ -261,10 +264,14 @@ class Service:
             message=self.last,
             latency=self.outputs.latency,
             outputs=self.outputs.statuses(),
-            recording=recordings.status_of(self.recorder.stats()) if self.recorder else None,
+            recording=recordings.status_of(stats) if (stats := self.recording_stats()) else None,
             began_ns=self._began_ns,
             environ=self._environ,
         )
+
+    def recording_stats(self) -> RotationStats | None:
+        """What became of [recording]; None where none is wanted."""
+        return recordings.stats_of(self.recorder, self.messages) if self.recorder else None
 
     def _on_drain(self, drain: Drain) -> None:
         self._read_ns = self.clock.now_ns()
@@ -292,10 +299,13 @@ class Service:
             self._writer.calibration = self._calibration_text
             self.records.subscribe("recording", self._writer, depth=recordings.DEPTH, policy=self.policy)
         self.recorder = recordings.recorder_for(settings, name=self.name, clock=self.clock, tell=self.talk)
-        if self.recorder is not None:
+        if isinstance(self.recorder, RotatingMcap):
+            sink = McapFile(self.recorder)
+            self.messages.subscribe(recordings.NAME, sink, depth=recordings.DEPTH, policy=self.policy)
+        elif self.recorder is not None:
             self.recorder.calibration = self._calibration_text
             self.recorder.current_stream = lambda: self.imu.source.info if self.imu else None
-            self.records.subscribe("recordings", self.recorder, depth=recordings.DEPTH, policy=self.policy)
+            self.records.subscribe(recordings.NAME, self.recorder, depth=recordings.DEPTH, policy=self.policy)
         stack.callback(self.records.close)
 
     def _open_chip(self, wires: ExitStack) -> Imu:

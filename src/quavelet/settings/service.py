@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from typing import Literal
 
 import msgspec
 
@@ -46,6 +47,8 @@ class RecordingSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknow
     """Recording all the time, into files of bounded size.
 
     directory      where they go; "": no recording
+    format         "qrec"  what the chip gave, byte for byte: all else can be computed again from it
+                   "mcap"  the messages, for Foxglove and ROS; nothing can be computed again. Needs the package mcap
     file_mb        a new one is begun after so many MB (10^6 bytes)
     file_minutes   and after so many minutes
     total_mb       the oldest are deleted so that all together never take more; at least twice file_mb
@@ -54,6 +57,7 @@ class RecordingSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknow
     """
 
     directory: str = ""
+    format: Literal["qrec", "mcap"] = "qrec"
     file_mb: float = 100.0
     file_minutes: float = 60.0
     total_mb: float = 1000.0

@@ -46,13 +46,14 @@ class RecordingStatus(msgspec.Struct, frozen=True, kw_only=True):
 
     file     being written now, "" where none is
     bytes    that all its files take
-    lost     drains that the disk was too slow for
+    lost     of `kind`, "drains" or "messages": the disk was too slow for them, or took none
     """
 
     state: str
     file: str = ""
     bytes: int = 0
     lost: int = 0
+    kind: str = "drains"
 
 
 class ClockStatus(msgspec.Struct, frozen=True, kw_only=True):

@@ -1,0 +1,76 @@
+"""Recording all the time what was made of it: samples of the attitude, in MCAP files of bounded size."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from datetime import UTC, datetime
+from pathlib import Path
+
+from quavelet.core.mounting import Axes
+from quavelet.recording.folder import RecordingFolder
+from quavelet.recording.mcap import CHUNK_BYTES, SAMPLE_BYTES, SUFFIX, McapWriter, Sample, mcap_library
+from quavelet.recording.rotation import Bounds, Rotation, RotationStats
+
+
+class RotatingMcap:
+    """Writes samples into `directory`, as `RotatingRecorder` does streams and drains; nothing raises there either.
+
+    offset_ns   asked as each file begins, see `McapWriter`
+    rate_hz     samples a second that are to be expected: so many at most go into a chunk, which is what a kill may cost
+    Raises SettingsError where the package mcap is not there.
+    """
+
+    def __init__(
+        self,
+        directory: Path,
+        *,
+        name: str,
+        bounds: Bounds,
+        axes: Axes,
+        about: Mapping[str, str],
+        offset_ns: Callable[[], int],
+        rate_hz: float,
+        tell: Callable[[str], None],
+        fsync_s: float = 0.0,
+        utc_now: Callable[[], datetime] = lambda: datetime.now(UTC),
+    ) -> None:
+        mcap_library()
+        self._folder = RecordingFolder(
+            directory,
+            name=name,
+            suffix=SUFFIX,
+            total_bytes=bounds.total_bytes,
+            keep_free_bytes=bounds.keep_free_bytes,
+        )
+        self._rotation: Rotation[Sample] = Rotation(
+            self._folder, begin=self._begin_file, bounds=bounds, kind="messages", tell=tell, utc_now=utc_now
+        )
+        self._axes = axes
+        self._about = about
+        self._offset_ns = offset_ns
+        # A file is ended as if its last chunk did not shrink: that must not be much of it.
+        self._chunk_bytes = min(CHUNK_BYTES, round(SAMPLE_BYTES * rate_hz), bounds.file_bytes // 10)
+        self._fsync_s = fsync_s
+
+    def stats(self) -> RotationStats:
+        """May be asked from any thread."""
+        return self._rotation.stats()
+
+    def write(self, sample: Sample) -> None:
+        """Take a sample."""
+        self._rotation.write(sample, sample.t_ns)
+
+    def close(self) -> None:
+        """End the file that is being written."""
+        self._rotation.close()
+
+    def _begin_file(self, path: Path) -> McapWriter:
+        return McapWriter(
+            path,
+            offset_ns=self._offset_ns(),
+            axes=self._axes,
+            about=self._about,
+            room=self._folder,
+            fsync_s=self._fsync_s,
+            chunk_bytes=self._chunk_bytes,
+        )
