@@ -9,6 +9,7 @@ import typer
 
 from quavelet.core.errors import SettingsError
 from quavelet.settings import LoadedSettings, Settings, Value, load_settings
+from quavelet.settings.web import page_address
 
 Bus = Annotated[str | None, typer.Option("--bus", help="linux:N for /dev/i2c-N, or fake:NAME.", show_default=False)]
 Address = Annotated[
@@ -31,6 +32,10 @@ WaitForDevice = Annotated[
     bool, typer.Option("--wait-for-device", help="Keep trying while the chip does not answer at the start.")
 ]
 Mcap = Annotated[Path | None, typer.Option("--mcap", help="Write an MCAP file for Foxglove, too.", show_default=False)]
+Web = Annotated[bool, typer.Option("--web", help="Serve the live page, on this machine only unless [web] says more.")]
+Port = Annotated[
+    int | None, typer.Option("--port", help="The port of the live page.", min=0, max=65535, show_default=False)
+]
 VirtualTime = Annotated[
     bool, typer.Option("--virtual-time", help="On a fake bus: as fast as the machine can, on a clock of its own.")
 ]
@@ -43,8 +48,11 @@ def settings_of(
     accept_id: str | None = None,
     *,
     wait_for_device: bool = False,
+    web: bool = False,
+    port: int | None = None,
 ) -> LoadedSettings:
-    """The settings with these options on top. Raises SettingsError; what is no number is a usage error."""
+    """The settings with these options on top. Raises SettingsError; what is no number is a usage error, and so is a
+    port where no page is asked for."""
     options: dict[str, Value] = {}
     if bus is not None:
         options["bus.name"] = bus
@@ -54,7 +62,13 @@ def settings_of(
         options["bus.accept_id"] = _number(accept_id, "is not a WHO_AM_I: write it as 0x7d", "--accept-id")
     if wait_for_device:
         options["service.wait_for_device"] = True
-    return load_settings(config, options=options)
+    loaded = load_settings(config, options=options)
+    if not web and port is None:
+        return loaded
+    listen = loaded.settings.web.listen
+    if not web and not listen:
+        raise typer.BadParameter("it is that of the page: give --web too", param_hint="--port")
+    return load_settings(config, options={**options, "web.listen": page_address(listen, port=port)})
 
 
 def _number(text: str, complaint: str, option: str) -> int:

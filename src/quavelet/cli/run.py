@@ -53,11 +53,15 @@ def run(
     mcap: options.Mcap = None,
     wait_for_device: options.WaitForDevice = False,
     virtual_time: options.VirtualTime = False,
+    web: options.Web = False,
+    port: options.Port = None,
 ) -> None:
     """Give the attitude until stopped: a live panel on a terminal, JSON lines when piped or with --json."""
 
     def load() -> Settings:
-        return options.settings_of(bus, address, config, accept_id, wait_for_device=wait_for_device).settings
+        return options.settings_of(
+            bus, address, config, accept_id, wait_for_device=wait_for_device, web=web, port=port
+        ).settings
 
     again = load if config else None
     name = config.stem if config and NAME.fullmatch(config.stem) else "imu"

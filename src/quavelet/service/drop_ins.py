@@ -13,7 +13,7 @@ def needed(settings: Settings) -> dict[str, str]:
     """The drop-ins that these settings need, each with the reason."""
     found = {}
     ways = {output.destination.way for output in settings.output.values()}
-    if settings.service.metrics or not ways <= {"stdout", "unix"}:
+    if settings.service.metrics or settings.web.listen or not ways <= {"stdout", "unix"}:
         found[NETWORK] = "the settings have outputs over the network"
     label = settings.bus.int_line.rpartition(":")[0]
     if label not in ("", "fake"):

@@ -1,8 +1,8 @@
-"""The outputs of a service, its local socket and its figures for Prometheus, all on one network thread."""
+"""The outputs of a service, its local socket, its figures for Prometheus and its page, all on one network thread."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import BinaryIO
 
@@ -21,6 +21,8 @@ from quavelet.sinks.outputs import make_encoding, make_output
 from quavelet.sinks.plan import OutputPlan
 from quavelet.sinks.status import OutputStatus, Status
 from quavelet.sinks.stdout import Stdout
+from quavelet.web.ability import Ability
+from quavelet.web.page import WebPage
 
 NETWORK = "network"
 STDOUT = "stdout"
@@ -28,7 +30,7 @@ STDOUT = "stdout"
 
 
 class Outputs:
-    """What [output] and [service] of the settings ask for. Without anything of it there is no thread either."""
+    """What [output], [service] and [web] of the settings ask for. Without anything of it there is no thread either."""
 
     def __init__(
         self,
@@ -41,8 +43,11 @@ class Outputs:
         status: Callable[[], Status],
         environ: Mapping[str, str],
         virtual: bool = False,
+        abilities: Sequence[Ability] = (),
+        lateness: Callable[[], Histogram] = Histogram,
     ) -> None:
-        """virtual: on virtual time, where nothing is lost and "auto" is no socket. Raises SettingsError."""
+        """virtual: on virtual time, where nothing is lost and "auto" is no socket. abilities are those of the page, and
+        lateness that of the loop, which it shows. Raises SettingsError."""
         self._name = name
         self._messages = messages
         self._clock = clock
@@ -59,6 +64,20 @@ class Outputs:
         if settings.service.metrics:
             host, port = host_and_port(settings.service.metrics, key="service.metrics")
             self._others.append(MetricsEndpoint(host, port, status=status))
+        self.page: WebPage | None = None
+        if settings.web.listen:
+            self.page = WebPage(
+                settings.web,
+                src=settings.bus.name,
+                name=name,
+                status=status,
+                abilities=abilities,
+                talk=talk,
+                clock=clock,
+                environ=environ,
+                lateness=lateness,
+            )
+            self._others.append(self.page)
 
     @property
     def latency(self) -> Histogram:
@@ -105,9 +124,18 @@ class Outputs:
         """One of each output, in the order of the settings."""
         return [self._status_of(name, settings) for name, settings in self._wanted.items()]
 
+    def tell(self, text: str) -> None:
+        """Let who looks at the page know what the program says; returns at once."""
+        if self.page is not None:
+            self.page.tell(text)
+
+    def _say(self, text: str) -> None:
+        self._talk(text)
+        self.tell(text)
+
     def _begin(self) -> Network:
         policy = Policy.WAIT if self._virtual else Policy.LOSE_OLDEST
-        network = Network(talk=self._talk, clock=self._clock, wait_for_room=self._virtual)
+        network = Network(talk=self._say, clock=self._clock, wait_for_room=self._virtual)
         network.start()
         self._messages.subscribe(NETWORK, network, depth=DEPTH, policy=policy)
         self._network = network

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from time import monotonic_ns
@@ -13,6 +13,7 @@ from quavelet.core.clock import Clock
 from quavelet.core.errors import BusError, ImuError
 from quavelet.core.units import NS_PER_MS, NS_PER_S
 from quavelet.imu import Imu
+from quavelet.loop.histogram import Histogram
 from quavelet.loop.hub import Hub, Policy
 from quavelet.loop.others import keep_others_running
 from quavelet.loop.realtime import apply_realtime
@@ -34,6 +35,7 @@ from quavelet.settings.service import AUTO
 from quavelet.sinks.mcap_file import McapFile
 from quavelet.sinks.message import Message, message_of
 from quavelet.sinks.status import Status
+from quavelet.web.ability import Ability
 
 QUEUE_DEPTH = 256
 TRY_AGAIN_NS, LOOK_NS = 2 * NS_PER_S, 100 * NS_PER_MS
@@ -50,7 +52,8 @@ class Service:
     name is its own where the settings say "auto". realtime asks for the real-time settings of the loop; without it
     (virtual time) nothing is ever lost to a slow reader, the loop waits for it. notify is how systemd is told; load
     reads the settings again for a reload, off the loop; opened opens the bus; environ has the places that systemd and
-    the desktop give. Raises SettingsError for an output that cannot be.
+    the desktop give; abilities are what can be done from the page, [web], beside those of every service. It closes them
+    at the end. Raises SettingsError for an output that cannot be.
     """
 
     def __init__(
@@ -67,11 +70,13 @@ class Service:
         load: Callable[[], Settings] | None = None,
         opened: Callable[[str, Clock], I2CBus] | None = None,
         environ: Mapping[str, str] | None = None,
+        abilities: Sequence[Ability] = (),
     ) -> None:
         self.settings = settings
         self.name = name if settings.service.name == AUTO else settings.service.name
         self.clock = clock
-        self.talk = talk
+        self.abilities = list(abilities)
+        self._talk = talk
         self.record = record
         self.imu: Imu | None = None
         self.last: Message | None = None
@@ -91,6 +96,8 @@ class Service:
             status=self.status,
             environ=self._environ,
             virtual=not realtime,
+            abilities=self.abilities,
+            lateness=lambda: self.imu.loop.lateness if self.imu else Histogram(),
         )
         self.continuity: Continuity | None = None
         self._load = load
@@ -135,6 +142,8 @@ class Service:
         try:
             with ExitStack() as stack:
                 # Before the chip is there, for they can say so; they end with the hub.
+                for ability in self.abilities:
+                    stack.callback(ability.close)
                 self.outputs.open()
                 stack.callback(self.messages.close)
                 self._open_recording(stack)
@@ -253,6 +262,11 @@ class Service:
             return refused
         self.talk(found.in_words())
         return found.in_words() if found.restart else ""
+
+    def talk(self, text: str) -> None:
+        """Say one sentence to the person, and to who looks at the page."""
+        self._talk(text)
+        self.outputs.tell(text)
 
     def status(self) -> Status:
         """All that is known of it at this moment; may be called on any thread."""

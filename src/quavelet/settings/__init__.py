@@ -15,6 +15,7 @@ from quavelet.settings.tables import (
     Settings,
     StartSettings,
 )
+from quavelet.settings.web import WebSettings
 
 __all__ = [
     "HOT_TABLES",
@@ -36,6 +37,7 @@ __all__ = [
     "Table",
     "Tables",
     "Value",
+    "WebSettings",
     "as_tables",
     "is_hot",
     "load_settings",

@@ -15,6 +15,7 @@ from quavelet.mpu6050.offset_settings import OffsetSettings
 from quavelet.mpu6050.registers import FRAME_BYTES
 from quavelet.settings.outputs import OutputSettings, output_faults
 from quavelet.settings.service import RecordingSettings, ServiceSettings
+from quavelet.settings.web import WebSettings
 
 
 class BusSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -141,6 +142,7 @@ class Settings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     loop: LoopSettings = LoopSettings()
     service: ServiceSettings = ServiceSettings()
     recording: RecordingSettings = RecordingSettings()
+    web: WebSettings = WebSettings()
     output: dict[str, OutputSettings] = {}
 
     @property

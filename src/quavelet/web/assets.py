@@ -1,0 +1,42 @@
+"""The page's own files, read once: what is not in the table is not there, and no path is ever made of what is asked."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from hashlib import sha256
+from pathlib import Path
+
+PAGE = Path(__file__).parent / "page"
+INDEX, LOGIN = "index.html", "login.html"
+TYPES = {
+    ".html": "text/html; charset=utf-8",
+    ".css": "text/css; charset=utf-8",
+    ".js": "text/javascript; charset=utf-8",
+    ".json": "application/json",
+    ".png": "image/png",
+    ".svg": "image/svg+xml",
+    ".txt": "text/plain; charset=utf-8",
+}
+"""What is of another kind is not served."""
+
+
+@dataclass(frozen=True, slots=True)
+class Asset:
+    """One file; `etag` is of its content."""
+
+    body: bytes
+    content_type: str
+    etag: str
+
+
+def read_assets(folder: Path = PAGE) -> Mapping[str, Asset]:
+    """All files below the folder by name, "vendor/three.module.min.js" with its folder. Raises OSError."""
+    found = {}
+    for path in sorted(folder.rglob("*")):
+        content_type = TYPES.get(path.suffix)
+        if content_type and path.is_file():
+            body = path.read_bytes()
+            etag = f'"{sha256(body).hexdigest()[:32]}"'
+            found[path.relative_to(folder).as_posix()] = Asset(body, content_type, etag)
+    return found

@@ -1,0 +1,282 @@
+"""The live page as a part of the network: what every viewer gets, and what each may ask for."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, TypeVar
+
+import msgspec
+
+from quavelet.core.clock import Clock
+from quavelet.core.errors import ImuError, SettingsError
+from quavelet.core.units import NS_PER_S
+from quavelet.loop.histogram import Histogram
+from quavelet.settings.web import WebSettings
+from quavelet.sinks.message import Message
+from quavelet.sinks.status import Status
+from quavelet.sinks.thinning import Thinning
+from quavelet.web.ability import Ability
+from quavelet.web.access import Access, is_loopback, token_at, token_path
+from quavelet.web.assets import read_assets
+from quavelet.web.frames import VERSION, ability_frame, encoded, frame, lateness_of, message_frame
+from quavelet.web.health_words import words_of
+from quavelet.web.history import History
+from quavelet.web.viewers import PATIENCE_S, Viewer, Viewers
+
+if TYPE_CHECKING:
+    from quavelet.web.server import Server
+
+log = logging.getLogger(__name__)
+T = TypeVar("T")
+
+LOOK_S = 0.1
+"""How often abilities are looked at, and viewers for whether they still take anything."""
+STATUS_EVERY = 10
+SAID = 20
+"""Sentences of the program that who comes later gets, too."""
+JUMP_NS = 5 * NS_PER_S
+"""Time that a message is later than gaps and samples explain: it was not lost, the player has gone elsewhere."""
+
+
+class Asked(msgspec.Struct, frozen=True):
+    """What the page may say: a ping, or something that an ability is to do."""
+
+    n: int = 0
+    ability: str = ""
+    what: str = ""
+    values: dict[str, object] = {}
+    ping: int | None = None
+
+
+class WebPage:
+    """Serves the page while it is open; see `Part`. All but `tell` is called on the network's thread.
+
+    src, name   the bus and the service
+    status      the service as it is at this moment
+    abilities   what can be done from the page, looked at when it opens; whoever made them ends them
+    talk        says one sentence to the person: where the page is
+    clock       of the messages
+    environ     has the places that systemd gives
+    lateness    of the loop
+
+    Raises SettingsError where aiohttp is missing.
+    """
+
+    name = "page"
+
+    def __init__(
+        self,
+        settings: WebSettings,
+        *,
+        src: str,
+        name: str,
+        status: Callable[[], Status],
+        abilities: Sequence[Ability] = (),
+        talk: Callable[[str], None],
+        clock: Clock,
+        environ: Mapping[str, str],
+        lateness: Callable[[], Histogram] = Histogram,
+        patience_s: float = PATIENCE_S,
+    ) -> None:
+        if find_spec("aiohttp") is None:
+            raise SettingsError("web.listen: the page needs aiohttp: `pip install 'quavelet[web]'`, or leave it out")
+        self.viewers = Viewers(settings.viewers, patience_s=patience_s)
+        self._settings = settings
+        self._src = src
+        self._service = name
+        self._status = status
+        self._abilities = abilities
+        self._talk = talk
+        self._clock = clock
+        self._environ = environ
+        self._lateness = lateness
+        self._by_name: dict[str, Ability] = {}
+        self._states: dict[str, bytes] = {}
+        self._mistaken: set[str] = set()
+        self._history = History()
+        self._thinning = Thinning(rate_hz=settings.rate_hz)
+        self._latest: Message | None = None
+        self._last_ns: int | None = None
+        self._said: deque[str] = deque(maxlen=SAID)
+        self._to_say: deque[str] = deque(maxlen=SAID)
+        self._server: Server | None = None
+        self._ticking: asyncio.Task[None] | None = None
+        self._token: str | None = None
+
+    @property
+    def port(self) -> int:
+        """Where it listens, once it is open."""
+        return self._server.port if self._server else self._settings.address[1]
+
+    def tell(self, text: str) -> None:
+        """Let the viewers know what the program says; may be called from any thread, and returns at once."""
+        self._to_say.append(text)
+
+    async def open(self) -> None:
+        """Begin to listen. Raises OSError where the address is taken or not ours, SettingsError for a token's file."""
+        from quavelet.web.server import Server
+
+        host, port = self._settings.address
+        self._by_name = {ability.name: ability for ability in self._abilities}
+        path = token_path(self._settings, name=self._service, environ=self._environ)
+        is_told = self._token is not None
+        made = False
+        if self._token is None:
+            self._token, made = ("", False) if is_loopback(host) else token_at(path)
+        self._server = Server(self, Access(self._token, port=port), read_assets())
+        await self._server.open(host, port)
+        self._ticking = asyncio.get_running_loop().create_task(self._tick())
+        if not is_told:
+            self._tell_where(host, made)
+
+    def write(self, message: Message) -> bool:
+        if self._has_jumped(message):
+            self._begin_anew()
+        self._last_ns = message.t_ns
+        for ability in self._by_name.values():
+            self._guarded(ability, partial(ability.see, message))
+        self._history.add(message)
+        taken = self._thinning.take(message)
+        if taken is None:
+            return False
+        self._latest = taken
+        return self.viewers.offer(taken, self._frame_of)
+
+    async def close(self) -> None:
+        if self._ticking is not None:
+            ticking, self._ticking = self._ticking, None
+            ticking.cancel()
+            await asyncio.wait([ticking])
+        if self._server is not None:
+            server, self._server = self._server, None
+            await server.close()
+
+    def greet(self, viewer: Viewer) -> None:
+        """All that one who comes later is to know."""
+        self.viewers.join(viewer)
+        viewer.send(self._hello())
+        viewer.send(self._history.frame())
+        for name in self._by_name:
+            viewer.send(ability_frame(name, self._state_of(name)))
+        for text in self._said:
+            viewer.send(_talk(text))
+        viewer.send(self._status_frame())
+        if self._latest is not None:
+            viewer.send(self._frame_of(self._latest))
+
+    def heard(self, viewer: Viewer, text: str) -> None:
+        """Do what a viewer asks. Raises ValueError where that is no JSON object of the right kinds."""
+        try:
+            asked = msgspec.json.decode(text, type=Asked)
+        except (msgspec.DecodeError, RecursionError) as error:
+            raise ValueError(str(error)) from None
+        if asked.ping is not None:
+            viewer.send(frame("pong", n=asked.ping, now_ns=self._clock.now_ns()))
+            return
+        ok, said = self._done(asked)
+        viewer.send(frame("answer", n=asked.n, ok=ok, text=said))
+        self._look_at_abilities()
+
+    def ability(self, name: str) -> Ability | None:
+        return self._by_name.get(name)
+
+    def _done(self, asked: Asked) -> tuple[bool, str]:
+        ability = self._by_name.get(asked.ability)
+        if ability is None:
+            return False, "that cannot be done here: load the page again"
+        try:
+            return True, str(ability.do(asked.what, asked.values))
+        except (ImuError, ValueError) as error:
+            return False, str(error)
+        except Exception as error:  # noqa: BLE001
+            self._mistake(ability, error)
+            return False, "that failed by a mistake in the program: its log says where"
+
+    def _has_jumped(self, message: Message) -> bool:
+        last_ns = self._last_ns
+        return last_ns is not None and (message.t_ns <= last_ns or message.t_ns - message.gap_ns - last_ns > JUMP_NS)
+
+    def _begin_anew(self) -> None:
+        """Time has jumped: what was before is no past of what comes."""
+        self._thinning = Thinning(rate_hz=self._settings.rate_hz)
+        self._history.clear()
+        self.viewers.send(self._history.frame())
+
+    async def _tick(self) -> None:
+        looked = 0
+        while True:
+            await asyncio.sleep(LOOK_S)
+            while self._to_say:
+                text = self._to_say.popleft()
+                self._said.append(text)
+                self.viewers.send(_talk(text))
+            self.viewers.drop_stalled(asyncio.get_running_loop().time())
+            if not len(self.viewers):
+                continue
+            self._look_at_abilities()
+            looked += 1
+            if looked % STATUS_EVERY == 0:
+                self.viewers.send(self._status_frame())
+
+    def _look_at_abilities(self) -> None:
+        for name in self._by_name:
+            state = self._state_of(name)
+            if state != self._states.get(name):
+                self._states[name] = state
+                self.viewers.send(ability_frame(name, state))
+
+    def _state_of(self, name: str) -> bytes:
+        ability = self._by_name[name]
+        return self._guarded(ability, lambda: encoded(ability.state())) or b"null"
+
+    def _about(self, ability: Ability) -> bytes:
+        return self._guarded(ability, lambda: encoded(ability.about())) or b"null"
+
+    def _guarded(self, ability: Ability, step: Callable[[], T]) -> T | None:
+        """What it gives; None where the ability has a mistake in its code, which is told of once and ends nothing."""
+        try:
+            return step()
+        except Exception as error:  # noqa: BLE001
+            self._mistake(ability, error)
+            return None
+
+    def _mistake(self, ability: Ability, error: Exception) -> None:
+        if ability.name not in self._mistaken:
+            self._mistaken.add(ability.name)
+            log.error("the page's ability %r has a mistake in its code", ability.name, exc_info=error)
+
+    def _frame_of(self, message: Message) -> bytes:
+        return message_frame(message, now_ns=self._clock.now_ns())
+
+    def _hello(self) -> bytes:
+        abouts = {name: msgspec.Raw(self._about(ability)) for name, ability in self._by_name.items()}
+        status = self._status()
+        return frame(
+            "hello",
+            v=VERSION,
+            version=status.version,
+            name=self._service,
+            src=self._src,
+            fake=status.fake,
+            now_ns=self._clock.now_ns(),
+            abilities=abouts,
+        )
+
+    def _status_frame(self) -> bytes:
+        status = self._status()
+        lateness = lateness_of(self._lateness())
+        return frame("status", s=status, words=words_of(status), lateness=lateness, viewers=self.viewers.counts())
+
+    def _tell_where(self, host: str, made: bool) -> None:
+        shown = f"[{host}]" if ":" in host else host
+        fragment = f"#token={self._token}" if made else ""
+        self._talk(f"the page is at http://{shown}:{self.port}/{fragment}")
+
+
+def _talk(text: str) -> bytes:
+    return frame("talk", level="info", text=text)
