@@ -15,7 +15,7 @@ class WebSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     """The live page in a browser; it needs `pip install 'quavelet[web]'`.
 
     listen       "HOST:PORT" where it is served, as "127.0.0.1:8050"; "": nowhere. At localhost, 127.0.0.1 and [::1] all
-                 who are on this machine may look; at any other host, as 0.0.0.0 for all of the network, a token is asked
+                 who are on this machine may look; anywhere else, as at 0.0.0.0 for all of the network, a token is asked
                  for
     token_file   a file that holds nothing but that token, 16 characters or more, readable by the service's user alone;
                  one that is missing is made. "": none, a new token at each start. "auto": NAME.token in systemd's

@@ -93,7 +93,9 @@ def token_at(path: Path | None) -> tuple[str, bool]:
         return _made(path), True
     except (OSError, ValueError) as error:
         reason = (error.strerror if isinstance(error, OSError) else None) or "no text"
-        raise SettingsError(f"web.token_file {path}: cannot be read ({reason}): let the service's user read it") from None
+        raise SettingsError(
+            f"web.token_file {path}: cannot be read ({reason}): let the service's user read it"
+        ) from None
 
 
 def _read(path: Path) -> str:
@@ -105,8 +107,8 @@ def _read(path: Path) -> str:
         token = file.read(LONGEST_TOKEN + 3).decode("ascii").rstrip("\r\n")
     if not SHORTEST_TOKEN <= len(token) <= LONGEST_TOKEN or not re.fullmatch(r"[!-~]+", token):
         raise SettingsError(
-            f"web.token_file {path}: holds no token: write {SHORTEST_TOKEN} characters or more, no spaces, or delete it "
-            "and one is made"
+            f"web.token_file {path}: holds no token: write {SHORTEST_TOKEN} characters or more, no spaces, or delete "
+            "it, and one is made"
         )
     return token
 

@@ -1,4 +1,4 @@
-"""The last ten minutes for who comes later: a row every 0.1 s, kept as JSON, so that giving it costs next to nothing."""
+"""The last ten minutes for who comes later: a row every 0.1 s, kept as JSON, so that giving it costs little."""
 
 from __future__ import annotations
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import msgspec
 from aiohttp import WSMsgType, web
 
+from quavelet.sinks.listener import Listener, tcp_sockets
 from quavelet.web.access import HEADERS, Access
 from quavelet.web.assets import INDEX, LOGIN, Asset
 from quavelet.web.viewers import Viewer
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
     from quavelet.web.page import WebPage
 
 log = logging.getLogger(__name__)
+_NO_LOG = logging.Logger("nobody", logging.CRITICAL)
+"""Who asks for what is not written down."""
 
 MOST_CONNECTIONS = 64
 LONGEST_FRAME_BYTES = 4096
@@ -46,33 +49,39 @@ class Server:
         self._page = page
         self._access = access
         self._assets = assets
-        self._listener: asyncio.Server | None = None
-        self._http = _Http(self._handle)
+        self._listener: Listener | None = None
+        self._http = web.Server(self._handle)
 
     @property
     def port(self) -> int:
-        assert self._listener is not None and self._listener.sockets
+        assert self._listener is not None
         return int(self._listener.sockets[0].getsockname()[1])
 
     async def open(self, host: str, port: int) -> None:
         """Raises OSError."""
-        loop = asyncio.get_running_loop()
-        self._listener = await loop.create_server(self._connection, host, port)
-        for sock in self._listener.sockets:
+        sockets = await tcp_sockets(host, port)
+        for sock in sockets:
             # What is accepted has it from the socket that listens.
             sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, KERNEL_BYTES)
+        self._listener = Listener(f"the page on {host}:{port}", sockets, self._connection)
 
     async def close(self) -> None:
         if self._listener is not None:
             listener, self._listener = self._listener, None
-            listener.close()
+            await listener.close()
         await self._http.shutdown(CLOSE_S)
 
     def _connection(self) -> asyncio.Protocol:
         if len(self._http.connections) >= MOST_CONNECTIONS:
             self._page.viewers.refused["connections"] += 1
             return _TurnedAway()
-        return self._http()
+        return _Connection(
+            self._http,
+            loop=asyncio.get_running_loop(),
+            access_log=_NO_LOG,
+            logger=log,
+            keepalive_timeout=IDLE_S,
+        )
 
     async def _handle(self, request: web.BaseRequest) -> web.StreamResponse:
         refused = self._page.viewers.refused
@@ -178,11 +187,26 @@ class Server:
         return "", 0
 
 
-class _Http(web.Server):
-    """aiohttp's, whose connections say what is wrong in our words only."""
+class _Connection(web.RequestHandler):
+    """One that says what is wrong in our words only, and with our headers."""
 
-    def __init__(self, handler: web.RequestHandler) -> None:
-        super().__init__(handler, access_log=None, logger=log, keepalive_timeout=IDLE_S)
+    __slots__ = ()
+
+    def handle_error(
+        self,
+        request: web.BaseRequest,
+        status: int = 500,
+        exc: BaseException | None = None,
+        message: str | None = None,
+    ) -> web.StreamResponse:
+        del message
+        if request.writer.output_size:
+            raise ConnectionError("an answer is on its way already")
+        if status >= 500:
+            log.error("the page could not answer", exc_info=exc)
+        answer = _answer(status, "that is no request" if status < 500 else "the log says why")
+        answer.force_close()
+        return answer
 
 
 class _TurnedAway(asyncio.Protocol):

@@ -112,9 +112,10 @@ class Viewers:
         """A message to all; whether it went to any."""
         if not self._viewers:
             return False
-        frame = frame_of(message)
-        # All are to get it: not any() of a generator, which stops at the first.
-        return any([viewer.offer(message, frame, frame_of) for viewer in self._viewers])
+        frame, went = frame_of(message), False
+        for viewer in self._viewers:
+            went |= viewer.offer(message, frame, frame_of)
+        return went
 
     def drop_stalled(self, now_s: float) -> None:
         for viewer in tuple(self._viewers):
