@@ -143,6 +143,19 @@ def test_the_ninth_is_told_that_there_are_eight(control: tuple[Rig, ControlSocke
     assert part.watchers == {}
 
 
+def test_eight_who_say_nothing_keep_nobody_out_and_the_oldest_is_told(tmp_path: Path) -> None:
+    with network() as rig, ExitStack() as stack:
+        part = ControlSocket(tmp_path / "imu.sock", status=no_status, patience_s=3600.0)
+        rig.network.add(part)
+        until(lambda: part.stats().state.startswith("listening"))
+        silent = [stack.enter_context(reading(part.path)) for _ in range(8)]
+        until(lambda: part.stats().readers == 8)
+        assert decode_status(part.path, ask_status(part.path)) == no_status()
+        assert refusal(silent[0].line()).startswith("others ask, and no question came: ask with a line")
+        assert ask(silent[1], b"status\n").startswith(b'{"v":1')
+        assert part.stats().refused == 0
+
+
 def test_a_watcher_that_never_reads_loses_messages_and_another_none(control: tuple[Rig, ControlSocket]) -> None:
     rig, part = control
     with reading(part.path) as _stuck, reading(part.path) as good:

@@ -37,7 +37,7 @@ def place(kind: str, folder: Path) -> tuple[Part, Callable[[], str | tuple[str, 
         return metrics, lambda: ("127.0.0.1", metrics.port), lambda: metrics.waiting + metrics.answers.total()
     if kind == "control":
         control = ControlSocket(Path(path), status=no_status)
-        return control, lambda: path, lambda: control.stats().readers + control.stats().refused
+        return control, lambda: path, lambda: control.stats().readers + control.stats().sent
     output = make_output(plan("tcp:127.0.0.1:0" if kind == "tcp" else f"unix:{path}"))
     return output, lambda: path if kind == "unix" else address(output), lambda: held(output)
 

@@ -108,6 +108,17 @@ class _Asker(Reader):
     def turned_away(self) -> None:
         self._end(self._control.refusal(f"{MOST_ASKERS} others ask already: try again later"))
 
+    @property
+    def may_leave(self) -> bool:
+        """Who says nothing must not keep out who asks."""
+        return self.half_closed or not self._asked
+
+    def make_room(self) -> None:
+        if self._asked:
+            self.abort()
+        else:
+            self._end(self._control.refusal(f"others ask, and no question came: {USAGE}"))
+
     def heard(self, data: bytes) -> None:
         if self._asked:
             return

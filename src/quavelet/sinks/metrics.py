@@ -65,6 +65,8 @@ class MetricsEndpoint:
         self._patience_s = patience_s
         self._listener: Listener | None = None
         self._tasks: set[asyncio.Task[None]] = set()
+        self._silent: dict[asyncio.Timeout, None] = {}
+        """Those who have not asked yet, by how long they may still take; the oldest first."""
 
     @property
     def port(self) -> int:
@@ -109,7 +111,8 @@ class MetricsEndpoint:
         # Nothing stays behind: drain returns when all of the answer is the kernel's.
         writer.transport.set_write_buffer_limits(0)
         try:
-            code, head = ("503", b"") if len(self._tasks) > MOST_CONNECTIONS else await self._asked(reader)
+            full = len(self._tasks) > MOST_CONNECTIONS and not self._make_room()
+            code, head = ("503", b"") if full else await self._asked(reader)
             self.answers[code] += 1
             if code != "none":
                 writer.write(_answer(*self._body(code), alone=head.startswith(b"HEAD ")))
@@ -122,10 +125,22 @@ class MetricsEndpoint:
             if not writer.is_closing():
                 writer.transport.abort()
 
+    def _make_room(self) -> bool:
+        """Whoever connects and says nothing must not keep out who asks: the oldest of them has had its time."""
+        oldest = next(iter(self._silent), None)
+        if oldest is None:
+            return False
+        del self._silent[oldest]
+        if not oldest.expired():
+            oldest.reschedule(asyncio.get_running_loop().time())
+        return True
+
     async def _asked(self, reader: asyncio.StreamReader) -> tuple[str, bytes]:
         """The code for a request, and the request."""
+        patience = asyncio.timeout(self._patience_s)
+        self._silent[patience] = None
         try:
-            async with asyncio.timeout(self._patience_s):
+            async with patience:
                 head = await reader.readuntil(b"\r\n\r\n")
         except TimeoutError:
             return "408", b""
@@ -133,6 +148,8 @@ class MetricsEndpoint:
             return "431", b""
         except (asyncio.IncompleteReadError, OSError):
             return "none", b""
+        finally:
+            self._silent.pop(patience, None)
         return code_of(head, own=(self._host, gethostname())), head
 
     def _body(self, code: str) -> tuple[str, str]:

@@ -39,6 +39,15 @@ class Reader(asyncio.BufferedProtocol):
         """There was no place."""
         self.abort()
 
+    @property
+    def may_leave(self) -> bool:
+        """Whether its place may be another's."""
+        return self.half_closed
+
+    def make_room(self) -> None:
+        """Leave for another."""
+        self.abort()
+
     def get_buffer(self, sizehint: int) -> memoryview:
         del sizehint
         return self._heard
@@ -91,7 +100,8 @@ class Readers:
 
     def __init__(self, most: int) -> None:
         self._most = most
-        self._readers: set[Reader] = set()
+        self._readers: dict[Reader, None] = {}
+        """The oldest first."""
         self._empty = asyncio.Event()
         self._admits = False
         self._latest = b""
@@ -105,24 +115,24 @@ class Readers:
         self._admits = True
 
     def admit(self, reader: Reader) -> bool:
-        """Whether there is a place for it; one that has closed its side already leaves for a new one."""
+        """Whether there is a place for it; the oldest that may leave does so for a new one."""
         if not self._admits:
             return False
         if len(self._readers) >= self._most:
-            leaving = next((other for other in self._readers if other.half_closed), None)
+            leaving = next((other for other in self._readers if other.may_leave), None)
             if leaving is None:
                 self._refused += 1
                 return False
-            self._readers.discard(leaving)
-            leaving.abort()
-        self._readers.add(reader)
+            del self._readers[leaving]
+            leaving.make_room()
+        self._readers[reader] = None
         self._empty.clear()
         if self._latest:
             self.send_to(reader, self._latest)
         return True
 
     def gone(self, reader: Reader) -> None:
-        self._readers.discard(reader)
+        self._readers.pop(reader, None)
         if not self._readers:
             self._empty.set()
 
