@@ -147,7 +147,11 @@ def test_a_host_that_nobody_knows_is_told(host: str) -> None:
 PROGRAM = """
 import asyncio, sys
 from output_plans import mqtt_plan
+from quavelet.sinks.transports import mqtt_connection
 from quavelet.sinks.transports.mqtt import MqttTransport
+
+# The thread that connects never gives up: a program that waited for it would not end.
+mqtt_connection._CONNECT_S = 3600.0
 
 async def main():
     transport = MqttTransport(mqtt_plan(sys.argv[1]))
@@ -164,8 +168,5 @@ def test_a_program_that_ends_does_not_wait_for_a_broker_that_does_not_answer() -
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     with socket.create_server(("127.0.0.1", 0)) as silent:
         command = [sys.executable, "-c", PROGRAM, f"mqtts:127.0.0.1:{silent.getsockname()[1]}"]
-        begun_s = time.monotonic()
-        done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=30)
+        done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=60)
     assert (done.stdout, done.stderr) == ("closed\n", "")
-    # TLS is given up after 5 s.
-    assert time.monotonic() - begun_s < 4.5
