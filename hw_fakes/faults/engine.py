@@ -99,9 +99,7 @@ class Faults:
         there.
         """
         now_ns = self._clock.now_ns()
-        if isinstance(entry.kind, ChipFault) and not self._chips(entry.address):
-            where = "on these wires" if entry.address is None else f"at 0x{entry.address:02x}"
-            raise ValueError(f"there is no MPU-6050 {where} for {entry}: give the address of one")
+        self.check_there(entry)
         from_ns = now_ns if entry.at_s is None else self._birth_ns + round(entry.at_s * NS_PER_S)
         if from_ns < now_ns and self._adapter.transfers:
             raise ValueError(f"{entry} is past, it is {self.time_s(now_ns):.3f} s: give a later at, or leave it out")
@@ -118,6 +116,17 @@ class Faults:
         else:
             self._later(from_ns, partial(self._once, entry, rng))
         self.catch_up()
+
+    def check_there(self, entry: FaultEntry) -> None:
+        """Raises ValueError where the chip that an entry means is not there."""
+        if isinstance(entry.kind, ChipFault) and not self._chips(entry.address):
+            where = "on these wires" if entry.address is None else f"at 0x{entry.address:02x}"
+            raise ValueError(f"there is no MPU-6050 {where} for {entry}: give the address of one")
+
+    def is_over(self, entry: FaultEntry) -> bool:
+        """Whether this very entry neither is to come nor acts nor lasts."""
+        entries = (*self._plan, *(it.entry for it in self._active), *(it[0] for it in self._waiting))
+        return all(it is not entry for it in entries) and all(it.kind is not entry.kind for it in self._lasting)
 
     def now(
         self,

@@ -3,22 +3,30 @@
 from __future__ import annotations
 
 import errno
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+
+import numpy as np
 
 from hw_fakes.chip.mpu6050 import FakeMpu6050
+from hw_fakes.faults.catalogue import CATALOGUE
+from hw_fakes.faults.orders import Orders
 from hw_fakes.target import Target
 from hw_fakes.wire.adapter import READ, Adapter, Message
 from hw_fakes.wire.int_line import FakeDataReady
 from quavelet.bus.faults import bus_error
+from quavelet.bus.protocol import OfferedFault, OrderedFault
+from quavelet.core.blocks import FloatArray, IntArray
 from quavelet.core.clock import Clock
 from quavelet.core.closing import Closing
 from quavelet.core.errors import BusError, SettingsError
+from quavelet.core.units import NS_PER_S
 
 INT_LINE = "fake:int"
 
 
 class FakeBus(Closing):
-    """The chips on one bus; implements `quavelet.bus.protocol.I2CBus`.
+    """The chips on one bus; implements `I2CBus`, `HasDataReady`, `FailsOnOrder`, `KnowsTruth` of
+    `quavelet.bus.protocol`.
 
     adapter  the wires, with their time, chips and faults
     """
@@ -30,6 +38,7 @@ class FakeBus(Closing):
         self.clock = clock
         self._name = name
         self._closed = False
+        self._orders = Orders(self.adapter.faults, clock=clock)
 
     @property
     def name(self) -> str:
@@ -69,6 +78,22 @@ class FakeBus(Closing):
             raise SettingsError(f"there is no MPU-6050 with an INT pin at 0x{address:02x} on {self._name}")
         return FakeDataReady(chip, clock=self.clock, name=name)
 
+    def faults(self) -> Sequence[OfferedFault]:
+        return CATALOGUE
+
+    def fail(self, text: str, /) -> int:
+        return self._orders.order(text)
+
+    def ordered(self) -> Sequence[OrderedFault]:
+        return self._orders.seen
+
+    def attitude(self, t_ns: IntArray, /) -> FloatArray:
+        """Of the first MPU-6050 whose motion is known."""
+        for chip in self.targets.values():
+            if isinstance(chip, FakeMpu6050) and chip.motion is not None:
+                return chip.motion.attitude((t_ns - chip.birth_ns) / NS_PER_S)
+        return np.full((len(t_ns), 4), np.nan)
+
     def close(self) -> None:
         self._closed = True
 
@@ -76,8 +101,13 @@ class FakeBus(Closing):
         address, _, data = messages[0]
         if self._closed:
             raise BusError(f"the bus {self._name} is closed: open it again", errno=errno.EBADF, address=address)
+        if self._orders.busy:
+            self._orders.take_up()
         try:
             return self.adapter.transfer(messages)
         except OSError as error:
             register = data[0] if isinstance(data, bytes) else None
             raise bus_error(error.errno, bus=self._name, address=address, register=register) from None
+        finally:
+            if self._orders.busy:
+                self._orders.follow()

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Protocol, Self, runtime_checkable
 
+from quavelet.core.blocks import FloatArray, IntArray
 from quavelet.core.instruction import Instruction
 
 
@@ -88,4 +90,64 @@ class FollowsInstructions(Protocol):
 
     def follow(self, instruction: Instruction, /) -> None:
         """Begin to do it now; it takes as long as it takes a person."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class OfferedFault:
+    """A fault that can be ordered.
+
+    name   one word
+    title  what happens, in words for somebody who knows nothing of the wires
+    text   what `FailsOnOrder.fail` takes
+    """
+
+    name: str
+    title: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class OrderedFault:
+    """What has become of an order; times of the bus's clock.
+
+    n         the number that `FailsOnOrder.fail` gave
+    began_ns  when it first touched a transfer or the chip, None while it has not
+    ended_ns  when it was over, None while it is not; of one that touched nothing, when it would have been
+    """
+
+    n: int
+    text: str
+    began_ns: int | None = None
+    ended_ns: int | None = None
+
+
+@runtime_checkable
+class FailsOnOrder(Protocol):
+    """A bus on which something can be made to go wrong: no real one. All methods may be called on any thread, and
+    return at once."""
+
+    def faults(self) -> Sequence[OfferedFault]:
+        """What it offers."""
+        ...
+
+    def fail(self, text: str, /) -> int:
+        """Let it go wrong with the next transfer; gives the order's number.
+
+        Raises SettingsError for a text that is no fault, or one that is not for now.
+        """
+        ...
+
+    def ordered(self) -> Sequence[OrderedFault]:
+        """What has become of the orders that were taken up by a transfer, the oldest first; old ones are forgotten."""
+        ...
+
+
+@runtime_checkable
+class KnowsTruth(Protocol):
+    """A bus that knows how its board really lies: no real one."""
+
+    def attitude(self, t_ns: IntArray, /) -> FloatArray:
+        """Body (as the chip has it) to world, (N, 4) at times (N,) of the bus's clock; NaN where it is not known. May
+        be called on any thread."""
         ...
