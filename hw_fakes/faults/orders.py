@@ -19,7 +19,7 @@ KEPT = 100
 
 
 class Orders:
-    """No lock is shared with the transfers: an order waits in a queue, what became of it is a tuple that is replaced."""
+    """No lock is shared with the transfers: orders wait in a queue, what became of them is a tuple that is replaced."""
 
     def __init__(self, faults: Faults, *, clock: Clock) -> None:
         self.seen: tuple[OrderedFault, ...] = ()
