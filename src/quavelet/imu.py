@@ -15,7 +15,7 @@ from quavelet.calibration.record_file import any_records, as_toml, find_record, 
 from quavelet.core.blocks import AttitudeBlock, RawBlock
 from quavelet.core.clock import Clock, MonotonicClock
 from quavelet.core.closing import Closing
-from quavelet.core.errors import CalibrationError, EndOfData
+from quavelet.core.errors import CalibrationError, EndOfData, NotPossible
 from quavelet.core.flow import Stage
 from quavelet.core.health import Health
 from quavelet.core.units import NS_PER_S
@@ -39,6 +39,7 @@ class Imu(Closing):
 
     line is the open wire from its INT pin, None where there is none; closing closes both.
     around is what the pipeline is put into, once it is built and again when a calibration is found.
+    stages is the pipeline itself, pipeline what it was put into.
     on_stream and on_drain are told what a recording needs (see `ChipSource`), on_note which calibration is used or why
     one is not, once the chip is known: `calibration` and `calibration_file`, None where there is none.
     """
@@ -68,7 +69,8 @@ class Imu(Closing):
         self._found: tuple[CalibrationRecord | None, Path | None, str] = (None, None, "")
         self._told_magnetometer = False
         self._around = around
-        self.pipeline = self._built()
+        self._yaw_asked: Callable[[], None] | None = None
+        self.stages, self.pipeline = self._built()
         self.source = ChipSource(
             bus,
             address=settings.bus.address,
@@ -88,9 +90,28 @@ class Imu(Closing):
         """Do what is due: the attitude of each sample since the last call, possibly none; None at the end
         of a bus that only plays a recording. Raises what `ChipSource` raises."""
         try:
-            return self.pipeline.process(self.source.read())
+            block = self.source.read()
         except EndOfData:
             return None
+        self._heed_yaw_asked()
+        return self.pipeline.process(block)
+
+    def zero_yaw(self) -> None:
+        """Let yaw count from where the board is: the sample read last has yaw 0 by what the next `read` gives, and
+        sigma of yaw is what has grown since. May be called on any thread.
+
+        Raises NotPossible while yaw is not relative, and before there is one.
+        """
+        refusal = self.stages.yaw_zero.refusal
+        if refusal:
+            raise NotPossible(refusal)
+        self._yaw_asked = lambda: self.stages.zero_yaw()
+
+    def undo_zero_yaw(self) -> None:
+        """Let yaw count from the start again, likewise. Raises NotPossible where no zero was set."""
+        if not self.stages.yaw_zero.is_set:
+            raise NotPossible("yaw counts from the start: there is no zero to be undone")
+        self._yaw_asked = lambda: self.stages.yaw_zero.undo()
 
     def messages(self, *, until_ns: int | None = None) -> Iterator[Message]:
         """The messages up to the clock's `until_ns`, for ever where it is None. The work of whoever takes
@@ -153,11 +174,24 @@ class Imu(Closing):
             tell_uncalibrated_magnetometer(self.settings, calibration)
         if record != self.calibration:
             self.calibration, self.calibration_file = record, path
-            self.pipeline = self._built(calibration)
+            self.stages, self.pipeline = self._built(calibration)
 
-    def _built(self, calibration: ImuCalibration = UNCALIBRATED) -> Stage[RawBlock, AttitudeBlock, PipelineState]:
-        pipeline = build_pipeline(self.settings, calibration=calibration)
-        return self._around(pipeline) if self._around else pipeline
+    def _built(
+        self, calibration: ImuCalibration = UNCALIBRATED
+    ) -> tuple[Pipeline, Stage[RawBlock, AttitudeBlock, PipelineState]]:
+        """The pipeline, and what it was put into."""
+        stages = build_pipeline(self.settings, calibration=calibration)
+        return stages, self._around(stages) if self._around else stages
+
+    def _heed_yaw_asked(self) -> None:
+        asked, self._yaw_asked = self._yaw_asked, None
+        if asked is None:
+            return
+        try:
+            asked()
+        except NotPossible as error:
+            # It was possible when it was asked for.
+            (self._on_note or log.warning)(f"yaw was left as it is: {error}")
 
     def identity(self, info: StreamInfo) -> ChipIdentity:
         """Which chip streams, by its factory's trim; reads some registers of it. Raises BusError."""

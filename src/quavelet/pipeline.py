@@ -12,6 +12,7 @@ from quavelet.attitude.doubt import Residual
 from quavelet.attitude.first_fix import EARTH_UT
 from quavelet.attitude.heading import HARD_IRON_SIGMA_MAX_UT, Heading, HeadingParams, HeadingState
 from quavelet.attitude.params import FilterState
+from quavelet.attitude.yaw_zero import YawZero, YawZeroState
 from quavelet.calibration.calibrate import Calibrate
 from quavelet.calibration.model import UNCALIBRATED, ImuCalibration
 from quavelet.calibration.still_bias import StillBias, StillBiasState
@@ -33,11 +34,12 @@ class PipelineState:
     denoise: DenoiseState | None
     filter: FilterState
     heading: HeadingState | None
+    yaw_zero: YawZeroState
 
 
 class Pipeline:
-    """`RawBlock` to `AttitudeBlock`: calibrate, take the bias at rest, denoise if asked to, filter, and turn to
-    north where there is a magnetometer. A `Stage` itself.
+    """`RawBlock` to `AttitudeBlock`: calibrate, take the bias at rest, denoise if asked to, filter, turn to
+    north where there is a magnetometer, and count yaw from where it was set to zero by hand. A `Stage` itself.
 
     Denoising makes it late: samples come out `delay_ns` after they went in, and fewer of them at first.
     """
@@ -55,6 +57,7 @@ class Pipeline:
         self._denoise = denoise
         self._attitude = attitude
         self._heading = heading
+        self.yaw_zero = YawZero()
 
     def process(self, block: RawBlock) -> AttitudeBlock:
         samples = self._still_bias.process(self._calibrate.process(block))
@@ -63,7 +66,13 @@ class Pipeline:
         attitude = self._attitude.process(samples)
         if self._heading is not None:
             attitude = self._heading.process(attitude, samples.field_ut)
+        attitude = self.yaw_zero.process(attitude)
         return replace(attitude, delay_ns=self._denoise.delay_ns) if self._denoise is not None else attitude
+
+    def zero_yaw(self) -> None:
+        """The yaw of the last sample is zero from the next one on; for between two blocks. Raises NotPossible."""
+        self.yaw_zero.zero()
+        self._attitude.count_yaw_anew()
 
     def calibrated(self, block: RawBlock) -> ImuBlock:
         """The samples in SI, as they go into the other stages; nothing is remembered of them."""
@@ -72,7 +81,7 @@ class Pipeline:
     def state(self) -> PipelineState:
         denoise = self._denoise.state() if self._denoise else None
         heading = self._heading.state() if self._heading else None
-        return PipelineState(self._still_bias.state(), denoise, self._attitude.state(), heading)
+        return PipelineState(self._still_bias.state(), denoise, self._attitude.state(), heading, self.yaw_zero.state())
 
     def restore(self, state: PipelineState) -> None:
         self._still_bias.restore(state.still_bias)
@@ -81,6 +90,7 @@ class Pipeline:
         self._attitude.restore(state.filter)
         if self._heading is not None and state.heading is not None:
             self._heading.restore(state.heading)
+        self.yaw_zero.restore(state.yaw_zero)
 
 
 def build_pipeline(settings: Settings, *, calibration: ImuCalibration = UNCALIBRATED) -> Pipeline:

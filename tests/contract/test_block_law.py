@@ -18,14 +18,25 @@ from quavelet.attitude.fusion_params import FusionParams
 from quavelet.attitude.heading import HeadingParams
 from quavelet.attitude.params import FilterParams
 from quavelet.attitude.pid import PidFilter, PidParams
+from quavelet.attitude.yaw_zero import YawZero, YawZeroState
 from quavelet.calibration.calibrate import Calibrate
 from quavelet.calibration.model import BiasCurve, ImuCalibration, MagnetometerCalibration
 from quavelet.calibration.still_bias import StillBias
-from quavelet.core.blocks import Flag, FloatArray, ImuBlock, RawBlock, Scale, YawFrom, array_fields, concat
+from quavelet.core.blocks import (
+    AttitudeBlock,
+    Flag,
+    FloatArray,
+    ImuBlock,
+    RawBlock,
+    Scale,
+    YawFrom,
+    array_fields,
+    concat,
+)
 from quavelet.denoise.params import DenoiseParams
 from quavelet.denoise.stage import Denoise
 from quavelet.mpu6050.magnetometer.asked import MagnetometerParams
-from quavelet.pipeline import build_pipeline
+from quavelet.pipeline import Pipeline, build_pipeline
 from quavelet.settings import Settings, StartSettings
 
 SCALE = Scale(gyro_rad_s_per_lsb=np.radians(1 / 65.5), accel_m_s2_per_lsb=9.80665 / 8192, temp_degc_per_lsb=1 / 340,
@@ -119,6 +130,34 @@ NORTH = Settings(
 )
 
 
+BIAS_GIVEN = Settings(start=StartSettings(gyro_bias_dps=(4.6, 4.6, 4.6)))
+
+
+def attitude_block(seed: int, n: int) -> AttitudeBlock:
+    """Relative up to a first fix, or, in every second one, throughout."""
+    block = build_pipeline(BIAS_GIVEN if seed % 2 else NORTH, calibration=TILTED).process(raw_block(seed, n))
+    return replace(block, sigma_rad=block.sigma_rad * [1.0, 1.5, 1.0])
+
+
+def zeroed() -> YawZero:
+    stage = YawZero()
+    stage.restore(YawZeroState(zero_rad=2.0, before_rad=0.1))
+    return stage
+
+
+def undone() -> YawZero:
+    stage = zeroed()
+    stage.undo()
+    return stage
+
+
+def zeroed_pipeline() -> Pipeline:
+    pipeline = build_pipeline(BIAS_GIVEN, calibration=TILTED)
+    pipeline.process(raw_block(3, 300))
+    pipeline.zero_yaw()
+    return pipeline
+
+
 def replace_heading(settings: Settings, **params) -> Settings:
     return structs.replace(settings, heading=HeadingParams(**params))
 
@@ -171,6 +210,10 @@ STAGES = {
         raw_block,
         lambda: build_pipeline(replace_heading(NORTH, declination_deg=3.0, tau_s=0.5), calibration=TILTED),
     ),
+    "yaw zero that was not asked for": (attitude_block, YawZero),
+    "yaw zero": (attitude_block, zeroed),
+    "yaw zero undone": (attitude_block, undone),
+    "the whole pipeline, yaw set to zero": (raw_block, zeroed_pipeline),
     "the whole pipeline": (raw_block, lambda: build_pipeline(QUICK, calibration=TILTED)),
     "the whole pipeline, calibrated over temperature": (raw_block, lambda: build_pipeline(QUICK, calibration=WARM)),
     "the pipeline as it is by default": (raw_block, lambda: build_pipeline(Settings(), calibration=TILTED)),
@@ -233,6 +276,16 @@ def test_the_law_is_tested_where_it_matters():
         assert not set_rows.all(), flag
     assert out.still.any()
     assert not out.still.all()
+
+
+def test_a_zero_of_yaw_holds_and_is_dropped_within_the_blocks_of_the_law():
+    held = dropped = 0
+    for seed in range(6):
+        block, stage = attitude_block(seed, 400), zeroed()
+        out = stage.process(block)
+        changed = (out.q != block.q).any(axis=1)
+        held, dropped = held + int(changed.sum()), dropped + (not stage.is_set)
+    assert held > 200 and 0 < dropped < 6
 
 
 def test_heading_is_found_and_withheld_within_the_blocks_of_the_law():

@@ -81,6 +81,11 @@ def after_step(doubt: Doubt, error: Vector, turn_rad_s: float, drift_rad_s: floa
     )
 
 
+def yaw_anew(doubt: Doubt) -> Doubt:
+    """Yaw counts from zero here."""
+    return replace(doubt, yaw_s=0.0, turned_rad=0.0, drift_rad=0.0, yaw_ms=0.0)
+
+
 def after_gap(doubt: Doubt, change: Vector, gap_s: float, *, unheld: float) -> Doubt:
     """A gap was bridged by the mean of two rates that differ by `change`: wrong by half of it at worst, and by the
     angle `unheld` in rad where the mean was not held to its end."""

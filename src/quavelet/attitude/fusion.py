@@ -126,6 +126,13 @@ class FusionFilter:
     def restore(self, state: FusionState) -> None:
         self._s = state
 
+    def count_yaw_anew(self) -> None:
+        e = self._s.estimate
+        if e is not None:
+            rows = thawed(e.root)
+            isolate(rows, len(rows) + HEADING, 0.0)
+            self._s = replace(self._s, estimate=replace(e, root=frozen(rows)), turned_rad=0.0)
+
     def process(self, block: ImuBlock) -> AttitudeBlock:
         refuse_bad(block)
         n = len(block)

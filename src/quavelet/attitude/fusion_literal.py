@@ -14,7 +14,7 @@ from math import hypot, sqrt
 import msgspec
 import numpy as np
 
-from quavelet.attitude.doubt import YAW_MAX_RAD, Doubt, Residual, after_gap, after_step, bias_sigma, sigmas
+from quavelet.attitude.doubt import YAW_MAX_RAD, Doubt, Residual, after_gap, after_step, bias_sigma, sigmas, yaw_anew
 from quavelet.attitude.fusion_root import Frozen, frozen, potter, sigma, thawed
 from quavelet.attitude.inputs import refuse_bad
 from quavelet.attitude.kernel import (
@@ -143,6 +143,9 @@ class LiteralFusionFilter:
     def restore(self, state: LiteralState) -> None:
         self._s = state
 
+    def count_yaw_anew(self) -> None:
+        self._s = replace(self._s, doubt=yaw_anew(self._s.doubt))
+
     def process(self, block: ImuBlock) -> AttitudeBlock:
         refuse_bad(block)
         n = len(block)
@@ -205,7 +208,7 @@ class LiteralFusionFilter:
         if new is None:
             return s
         if old is None:
-            doubt = replace(s.doubt, yaw_s=0.0, turned_rad=0.0, drift_rad=0.0, yaw_ms=0.0)
+            doubt = yaw_anew(s.doubt)
             return replace(s, drifting=begun(at.q, self.params), rate_rad_s=sample.rate, doubt=doubt)
         x, y, z = (d - (b - a) for d, a, b in zip(at.drift_rad_s, old, new, strict=True))
         return replace(s, drifting=replace(at, drift_rad_s=(x, y, z)))

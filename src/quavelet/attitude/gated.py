@@ -129,6 +129,9 @@ class GatedFilter:
     def restore(self, state: GatedState) -> None:
         self._s = copy(state)
 
+    def count_yaw_anew(self) -> None:
+        self._s.heading = Heading()
+
     def process(self, block: ImuBlock) -> AttitudeBlock:
         refuse_bad(block)
         n, s = len(block), self._s

@@ -43,6 +43,9 @@ class AccelerometerFilter:
     def restore(self, state: AccelerometerState) -> None:
         self._s = state
 
+    def count_yaw_anew(self) -> None:
+        """There is none: sigma says so as before."""
+
     def process(self, block: ImuBlock) -> AttitudeBlock:
         refuse_bad(block)
         n, s = len(block), self._s

@@ -22,7 +22,7 @@ import msgspec
 import numpy as np
 
 from quavelet.attitude.correction import Correction, Gains, corrected
-from quavelet.attitude.doubt import Doubt, Residual, after_gap, after_step, bias_sigma, sigmas
+from quavelet.attitude.doubt import Doubt, Residual, after_gap, after_step, bias_sigma, sigmas, yaw_anew
 from quavelet.attitude.inputs import refuse_bad
 from quavelet.attitude.kernel import (
     IDENTITY,
@@ -113,6 +113,9 @@ class PidFilter:
     def restore(self, state: PidState) -> None:
         self._s = state
 
+    def count_yaw_anew(self) -> None:
+        self._s = replace(self._s, doubt=yaw_anew(self._s.doubt))
+
     def process(self, block: ImuBlock) -> AttitudeBlock:
         refuse_bad(block)
         n = len(block)
@@ -173,7 +176,7 @@ def _with_new_bias(s: PidState, sample: Sample) -> PidState:
     new = replace(s, bias=sample.bias, bias_degc=sample.temp_degc)
     if s.bias is not None or sample.bias is None:
         return new
-    doubt = replace(s.doubt, yaw_s=0.0, turned_rad=0.0, drift_rad=0.0, yaw_ms=0.0)
+    doubt = yaw_anew(s.doubt)
     new = replace(new, rate_rad_s=sample.rate, correction=Correction(), doubt=doubt)
     if s.level_sum == ZERO:
         return new

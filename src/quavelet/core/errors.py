@@ -9,6 +9,7 @@ ImuError
 ├── WrongChip               WHO_AM_I is not one of ours
 ├── ChipUnstable            the chip answers, but does not hold what is written
 ├── EndOfData               a recording or a script has nothing more to give
+├── NotPossible             what is asked for cannot be done as things stand
 ├── CalibrationError (ValueError)
 ├── SettingsError (ValueError)
 └── RecordingError (ValueError)
@@ -90,6 +91,10 @@ class ChipUnstable(ImuError):
 
 class EndOfData(ImuError):
     """A source that replays something has given all it holds."""
+
+
+class NotPossible(ImuError):
+    """What is asked for cannot be done as things stand, and nothing was changed."""
 
 
 class CalibrationError(ImuError, ValueError):

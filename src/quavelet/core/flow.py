@@ -42,6 +42,11 @@ class Stage(Protocol[In, Out, State]):
 class AttitudeFilter(Stage[ImuBlock, AttitudeBlock, State], Protocol[State]):
     """A stage that gives attitude."""
 
+    def count_yaw_anew(self) -> None:
+        """Sigma of yaw is from the next row on what grows from the last one on; for between two blocks. The attitude
+        stays as it is."""
+        ...
+
 
 class Sink(Protocol):
     """An output. It runs on its own thread, never on the loop's."""

@@ -50,6 +50,7 @@ class Continuity:
         self._imu: Imu | None = None
         self._identity: Identity | None = None
         self._last: Message | None = None
+        self._zero_rad: float | None = None
         self._saved = self._read()
         self._copies: Hub[Snapshot | None] = Hub()
         self._copies.subscribe(SUBSCRIBER, StateFile(path, talk=talk), depth=1, policy=policy)
@@ -65,15 +66,18 @@ class Continuity:
 
     def keep(self, message: Message) -> None:
         """A message has gone out."""
+        zero_rad = self._imu.stages.yaw_zero.state().zero_rad if self._imu is not None else None
         if self._saved is not None and self._resuming is not None:
             # What was refused must not be there for the start after this one: it knows less than we do. What was gone
             # on from is good until the board moves.
-            self._saved, resumed = None, self._resuming.resumed
+            self._saved, resumed, self._zero_rad = None, self._resuming.resumed, zero_rad
             self._keeper = Keeper(kept_still=resumed)
             if not resumed:
                 self._copies.publish(None)
         self._last, self._is_lost = message, False
-        if self._keeper.due(message):
+        if self._keeper.due(message) or zero_rad != self._zero_rad:
+            # A zero of yaw that is asked for, or undone, is kept at once.
+            self._zero_rad = zero_rad
             self._copy(message)
 
     def lost(self) -> None:

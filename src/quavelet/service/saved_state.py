@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from quavelet.attitude.heading import HeadingState
 from quavelet.attitude.params import FilterState
+from quavelet.attitude.yaw_zero import YawZeroState
 from quavelet.calibration.still_bias import StillBiasState
 from quavelet.pipeline import PipelineState
 from quavelet.settings import Settings
@@ -137,6 +138,7 @@ def pack_pipeline(state: PipelineState) -> bytes:
         "still_bias": state.still_bias,
         "filter": state.filter,
         "heading": state.heading,
+        "yaw_zero": state.yaw_zero,
     }
     return msgspec.msgpack.encode(plain, enc_hook=_plain)
 
@@ -150,7 +152,8 @@ def unpack_pipeline(packed: bytes, *, like: PipelineState) -> PipelineState:
             raise NoState("it is of other settings")
         heading = None if like.heading is None else _made(plain["heading"], HeadingState)
         attitude: FilterState = _made(plain["filter"], kind)
-        return PipelineState(_made(plain["still_bias"], StillBiasState), None, attitude, heading)
+        yaw_zero = _made(plain["yaw_zero"], YawZeroState)
+        return PipelineState(_made(plain["still_bias"], StillBiasState), None, attitude, heading, yaw_zero)
     except (msgspec.DecodeError, ArithmeticError, LookupError, RecursionError, TypeError, ValueError):
         raise NoState("what is in it does not fit") from None
 
