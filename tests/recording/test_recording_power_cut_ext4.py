@@ -10,6 +10,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 SCRIPT = """
 import shutil, subprocess, sys
+from datetime import UTC, datetime
 from pathlib import Path
 sys.path[:0] = sys.argv[2:]
 from recorded import INFO, SETTINGS, drains
@@ -33,6 +34,7 @@ mount(disk, folder)
 told = []
 recorder = RotatingRecorder(
     folder, name="imu", settings=SETTINGS, clock=VirtualClock(), tell=told.append, fsync_s=10.0,
+    utc_now=lambda: datetime(2026, 11, 22, tzinfo=UTC),
     bounds=Bounds(file_bytes=400_000, file_ns=3600 * NS_PER_S, total_bytes=1_500_000),
 )
 recorder.write(INFO)

@@ -8,7 +8,7 @@ import time
 import tracemalloc
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from datetime import timedelta
+from datetime import datetime, timedelta
 from pathlib import Path
 from threading import Event
 
@@ -17,7 +17,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from recorded import INFO, record_fake
-from rotation_rig import OTHERS, SMALL, WIDE, MakeRig, Rig, drains_in, slow_drains
+from rotation_rig import NOON, OTHERS, SMALL, WIDE, MakeRig, Rig, drains_in, slow_drains
 
 from quavelet.core.blocks import Flag
 from quavelet.core.health import Health
@@ -74,6 +74,36 @@ def test_names_sort_by_age_though_the_clock_was_stepped_back(rig: Rig) -> None:
     kept = drains_in(rig.files)
     assert kept == every[-len(kept) :]
     assert rig.recorder.stats().deleted > 0
+
+
+@pytest.mark.parametrize("step", [timedelta(hours=1), timedelta(hours=-1), timedelta(days=7305), timedelta(days=-7305)])
+def test_a_step_of_utc_begins_a_file_of_its_own_deletes_the_oldest_alone_and_overwrites_none(
+    rig: Rig, step: timedelta
+) -> None:
+    """A header has one instant by both clocks, and all of a file's times are told by it."""
+    every = slow_drains(90)
+    rig.write(INFO, *every[:50])
+    before = rig.files
+    rig.utc += step
+    rig.write(*every[50:])
+    rig.close()
+    kept = drains_in(rig.files)
+    assert kept == every[-len(kept) :]
+    assert rig.recorder.stats().deleted > 0
+    ((first, *_),) = [[path for path in rig.files if path not in before]]
+    assert drains_in([first])[0] == every[50]
+    for path in rig.files:
+        began = datetime.fromisoformat(RecordingReader(path).header.started_utc)
+        assert began == (NOON if path in before else NOON + step)
+
+
+def test_a_clock_that_two_programs_fight_over_makes_no_more_than_a_file_a_minute(make_rig: MakeRig) -> None:
+    rig = make_rig(WIDE)
+    rig.write(INFO)
+    for drain in slow_drains(300):
+        rig.utc += timedelta(seconds=5 if drain.seq % 2 else -5)
+        rig.write(drain)
+    assert len(rig.files) <= 300 // 60 + 10
 
 
 def test_a_new_start_goes_on_with_the_numbers_and_deletes_what_the_one_before_left(make_rig: MakeRig) -> None:

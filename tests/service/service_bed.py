@@ -15,6 +15,7 @@ from quavelet.core.units import NS_PER_S
 from quavelet.service.notify import Notify
 from quavelet.service.service import STDOUT, Service
 from quavelet.settings import BusSettings, ServiceSettings, Settings
+from quavelet.sinks.encodings.wall_time import WallNs
 from quavelet.sinks.message import Message
 
 WATCHDOG_S = 10
@@ -103,6 +104,7 @@ class Bed:
         accel_trim: tuple[int, int, int] = (100, -200, 300),
         environ: Mapping[str, str] | None = None,
         counts_only: bool = False,
+        wall_ns: WallNs | None = None,
     ) -> None:
         self.clock = clock or EventClock()
         self.said: list[str] = []
@@ -126,6 +128,7 @@ class Bed:
             load=load,
             opened=self._open,
             environ=environ,
+            wall_ns=wall_ns,
         )
 
     def fault(self, text: str) -> None:

@@ -104,7 +104,9 @@ def test_as_mcap_it_keeps_the_newest_messages_in_bounds(tmp_path: Path) -> None:
 def test_messages_that_the_disk_was_too_slow_for_are_in_the_status(tmp_path: Path) -> None:
     """They have no numbers that would tell: their queue does."""
     service = service_in(tmp_path, [], format="mcap")
-    recorder = recordings.recorder_for(service.settings, name="boat", clock=VirtualClock(), tell=print)
+    recorder = recordings.recorder_for(
+        service.settings, name="boat", clock=VirtualClock(), time_of_day=service.time_of_day, tell=print
+    )
     assert recorder is not None
     busy, free = Event(), Event()
 

@@ -164,7 +164,7 @@ def stopped_by_signals(stop: Callable[[], None]) -> Iterator[None]:
 
 def _subscribe_outputs(service: Service, stack: ExitStack, *, json: bool, mcap: Path | None) -> None:
     if mcap is not None:
-        offset_ns, axes = offset_from(service.clock)(), service.settings.mounting.axes
+        offset_ns, axes = offset_from(service.clock, service.wall_ns)(), service.settings.mounting.axes
         about = {"src": service.settings.bus.name, "version": version("quavelet")}
         writer = McapWriter(mcap, offset_ns=offset_ns, axes=axes, about=about)
         service.messages.subscribe(MCAP, McapFile(writer), depth=QUEUE_DEPTH, policy=service.policy)

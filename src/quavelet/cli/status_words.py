@@ -60,7 +60,9 @@ def _facts(status: Status) -> Iterator[tuple[str, str]]:
         recording = status.recording
         yield "recording", f"{recording.state}, {recording.bytes / 1e6:.0f} MB {recording.file}"
     kept = {True: "kept by a time server", False: "not kept by a time server", None: "not known whether kept"}
-    yield "clock", kept[status.clock.synchronised]
+    steps = status.clock.steps
+    was_set = f", set {steps} time{'s' if steps > 1 else ''} since the start" if steps else ""
+    yield "clock", kept[status.clock.synchronised] + was_set
     yield (
         "program",
         f"quavelet {status.version}, up {span_in_words(status.uptime_s)}, {status.memory_mb:.0f} MB, pid {status.pid}",

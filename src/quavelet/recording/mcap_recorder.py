@@ -7,6 +7,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from quavelet.core.mounting import Axes
+from quavelet.recording.clock_set import ClockSet
 from quavelet.recording.folder import RecordingFolder
 from quavelet.recording.mcap import CHUNK_BYTES, SAMPLE_BYTES, SUFFIX, McapWriter, Sample, mcap_library
 from quavelet.recording.rotation import Bounds, Rotation, RotationStats
@@ -48,6 +49,7 @@ class RotatingMcap:
         self._axes = axes
         self._about = about
         self._offset_ns = offset_ns
+        self._clock_set = ClockSet(offset_ns)
         # A file is ended as if its last chunk did not shrink: that must not be much of it.
         self._chunk_bytes = min(CHUNK_BYTES, round(SAMPLE_BYTES * rate_hz), bounds.file_bytes // 10)
         self._fsync_s = fsync_s
@@ -58,6 +60,8 @@ class RotatingMcap:
 
     def write(self, sample: Sample) -> None:
         """Take a sample."""
+        if self._clock_set.since_begin(sample.t_ns):
+            self._rotation.close()
         self._rotation.write(sample, sample.t_ns)
 
     def close(self) -> None:
@@ -65,6 +69,7 @@ class RotatingMcap:
         self._rotation.close()
 
     def _begin_file(self, path: Path) -> McapWriter:
+        self._clock_set.begin()
         return McapWriter(
             path,
             offset_ns=self._offset_ns(),

@@ -4,25 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 from quavelet.core.clock import Clock
 from quavelet.core.errors import RecordingError
+from quavelet.core.units import NS_PER_US
 from quavelet.mpu6050.drain import Drain
 from quavelet.mpu6050.stream import StreamInfo
+from quavelet.recording.clock_set import ClockSet
 from quavelet.recording.folder import RecordingFolder
 from quavelet.recording.format import SUFFIX
 from quavelet.recording.rotation import Bounds, Rotation, RotationStats
 from quavelet.recording.writer import RecordingWriter
 from quavelet.settings import Settings
 
+_BEGIN, _US = datetime(1970, 1, 1, tzinfo=UTC), timedelta(microseconds=1)
+
 
 class RotatingRecorder:
     """Writes streams and their drains into `directory`; a sink for both in one queue, like `RecordingWriter`.
 
-    Nothing raises, see `Rotation`. Only the clock of the drains is used, and the one of UTC for the names; either may
-    be stepped. `name` begins the files' names (see `RecordingFolder`).
+    Nothing raises, see `Rotation`. Only the clock of the drains is used, and the one of UTC for names and headers;
+    either may be stepped. `name` begins the files' names (see `RecordingFolder`).
 
     calibration      is asked for the text of the calibration's file in use, as each file begins
     current_stream   is asked for the stream where a queue that overflowed has lost its StreamInfo
@@ -55,6 +59,10 @@ class RotatingRecorder:
         self._settings = settings
         self._clock = clock
         self._fsync_s = fsync_s
+        self._utc_now = utc_now
+        self._clock_set = ClockSet(
+            lambda: (utc_now() - _BEGIN) // timedelta(microseconds=1) * NS_PER_US - clock.now_ns()
+        )
         self._writer: RecordingWriter | None = None
         self._info: StreamInfo | None = None
         self._expected = 0
@@ -75,6 +83,8 @@ class RotatingRecorder:
         if self._info is None:
             self._rotation.unwritten += 1
         else:
+            if self._clock_set.since_begin(item.after_ns):
+                self._rotation.close()
             self._rotation.write(item, item.after_ns)
 
     def close(self) -> None:
@@ -94,8 +104,14 @@ class RotatingRecorder:
         """The next file, with its header in it."""
         assert self._info is not None, "a drain has a stream"
         self._writer = writer = RecordingWriter(
-            path, settings=self._settings, clock=self._clock, fsync_s=self._fsync_s, room=self._folder
+            path,
+            settings=self._settings,
+            clock=self._clock,
+            fsync_s=self._fsync_s,
+            room=self._folder,
+            utc_now=self._utc_now,
         )
+        self._clock_set.begin()
         writer.calibration = self.calibration
         try:
             writer.begin(self._info)

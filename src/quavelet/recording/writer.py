@@ -63,6 +63,7 @@ class RecordingWriter:
         clock: Clock | None = None,
         fsync_s: float = 0.0,
         room: Room | None = None,
+        utc_now: Callable[[], datetime] = lambda: datetime.now(UTC),
     ) -> None:
         self.path = Path(path)
         self.waiting = 0
@@ -71,6 +72,7 @@ class RecordingWriter:
         self._settings = settings
         self.calibration: Callable[[], str] = str
         self._clock = clock or MonotonicClock()
+        self._utc_now = utc_now
         self._stream_crc = 0
         self._begun = False
         self._flushed_ns: int | None = None
@@ -87,7 +89,7 @@ class RecordingWriter:
         header = Header(
             stream=info,
             settings=cast(dict[str, object], msgspec.to_builtins(self._settings)),
-            started_utc=datetime.now(UTC).isoformat(),
+            started_utc=self._utc_now().isoformat(),
             started_ns=now_ns,
             version=version("quavelet"),
             calibration=self.calibration(),

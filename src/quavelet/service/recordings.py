@@ -12,8 +12,8 @@ from quavelet.loop.hub import Hub
 from quavelet.recording.mcap_recorder import RotatingMcap
 from quavelet.recording.recorder import RotatingRecorder
 from quavelet.recording.rotation import Bounds, RotationStats
+from quavelet.service.time_of_day import TimeOfDay
 from quavelet.settings import Settings
-from quavelet.sinks.encodings.wall_time import offset_from
 from quavelet.sinks.message import Message
 from quavelet.sinks.status import RecordingStatus
 
@@ -25,7 +25,7 @@ DEPTH = 2048
 
 
 def recorder_for(
-    settings: Settings, *, name: str, clock: Clock, tell: Callable[[str], None]
+    settings: Settings, *, name: str, clock: Clock, time_of_day: TimeOfDay, tell: Callable[[str], None]
 ) -> RotatingRecorder | RotatingMcap | None:
     """The recorder, None where none is wanted; its files' names begin with `name`.
 
@@ -42,10 +42,11 @@ def recorder_for(
             bounds=Bounds.of(recording),
             axes=settings.mounting.axes,
             about={"src": settings.bus.name, "version": version("quavelet")},
-            offset_ns=offset_from(clock),
+            offset_ns=time_of_day.offset_ns,
             rate_hz=settings.loop.rate_hz,
             tell=tell,
             fsync_s=recording.fsync_s,
+            utc_now=time_of_day.utc,
         )
     return RotatingRecorder(
         directory,
@@ -55,6 +56,7 @@ def recorder_for(
         clock=clock,
         tell=tell,
         fsync_s=recording.fsync_s,
+        utc_now=time_of_day.utc,
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from time import monotonic_ns
+from time import monotonic_ns, time_ns
 
 from quavelet.bus.open import open_bus, open_line
 from quavelet.bus.protocol import I2CBus
@@ -29,9 +29,11 @@ from quavelet.service.notify import Notify
 from quavelet.service.outputs import STDOUT, Outputs
 from quavelet.service.reload import Reading, changes, with_hot
 from quavelet.service.status import status_of
+from quavelet.service.time_of_day import TimeOfDay
 from quavelet.service.watchdog import NO_SAMPLE, Watchdog
 from quavelet.settings import Settings
 from quavelet.settings.service import AUTO
+from quavelet.sinks.encodings.wall_time import WallNs, wall_going_with
 from quavelet.sinks.mcap_file import McapFile
 from quavelet.sinks.message import Message, message_of
 from quavelet.sinks.status import Status
@@ -53,7 +55,7 @@ class Service:
     (virtual time) nothing is ever lost to a slow reader, the loop waits for it. notify is how systemd is told; load
     reads the settings again for a reload, off the loop; opened opens the bus; environ has the places that systemd and
     the desktop give; abilities are what can be done from the page, [web], beside those of every service. It closes them
-    at the end. Raises SettingsError for an output that cannot be.
+    at the end; wall_ns is the time of day, by which nothing goes. Raises SettingsError for an output that cannot be.
     """
 
     def __init__(
@@ -71,11 +73,15 @@ class Service:
         opened: Callable[[str, Clock], I2CBus] | None = None,
         environ: Mapping[str, str] | None = None,
         abilities: Sequence[Ability] = (),
+        wall_ns: WallNs | None = None,
     ) -> None:
         self.settings = settings
         self.name = name if settings.service.name == AUTO else settings.service.name
         self.clock = clock
         self.abilities = list(abilities)
+        self.wall_ns = wall_ns or (time_ns if realtime else wall_going_with(clock))
+        asleep_ns = host.asleep_ns if realtime else int
+        self.time_of_day = TimeOfDay(self.wall_ns, clock=clock, asleep_ns=asleep_ns, talk=self.talk)
         self._talk = talk
         self.record = record
         self.imu: Imu | None = None
@@ -92,6 +98,7 @@ class Service:
             name=self.name,
             messages=self.messages,
             clock=clock,
+            wall_ns=self.wall_ns,
             talk=talk,
             status=self.status,
             environ=self._environ,
@@ -197,6 +204,7 @@ class Service:
             self.watchdog.tick(message, self._words)
             if self.continuity is not None and self.watchdog.state == NO_SAMPLE:
                 self.continuity.lost()
+            self.time_of_day.look()
             self._heed_reload()
 
     def _words(self) -> str:
@@ -215,6 +223,7 @@ class Service:
         again_ns = self.clock.now_ns() + TRY_AGAIN_NS
         while self.clock.now_ns() < again_ns and not self._over(until_ns):
             self.clock.sleep_until_ns(min(self.clock.now_ns() + LOOK_NS, again_ns))
+            self.time_of_day.look()
             self._heed_reload()
 
     def _tell_missing(self, reason: str) -> None:
@@ -280,6 +289,7 @@ class Service:
             outputs=self.outputs.statuses(),
             recording=recordings.status_of(stats) if (stats := self.recording_stats()) else None,
             began_ns=self._began_ns,
+            clock=self.time_of_day.status(),
             environ=self._environ,
         )
 
@@ -308,11 +318,17 @@ class Service:
         settings = self.settings
         if self.record is not None:
             self._writer = RecordingWriter(
-                self.record, settings=settings, clock=self.clock, fsync_s=settings.recording.fsync_s
+                self.record,
+                settings=settings,
+                clock=self.clock,
+                fsync_s=settings.recording.fsync_s,
+                utc_now=self.time_of_day.utc,
             )
             self._writer.calibration = self._calibration_text
             self.records.subscribe("recording", self._writer, depth=recordings.DEPTH, policy=self.policy)
-        self.recorder = recordings.recorder_for(settings, name=self.name, clock=self.clock, tell=self.talk)
+        self.recorder = recordings.recorder_for(
+            settings, name=self.name, clock=self.clock, time_of_day=self.time_of_day, tell=self.talk
+        )
         if isinstance(self.recorder, RotatingMcap):
             sink = McapFile(self.recorder)
             self.messages.subscribe(recordings.NAME, sink, depth=recordings.DEPTH, policy=self.policy)

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
-from time import monotonic_ns, time_ns
+from time import monotonic_ns
 
 from quavelet.core.health import Health
 from quavelet.core.units import NS_PER_S
@@ -38,6 +38,7 @@ def status_of(
     outputs: list[OutputStatus],
     recording: RecordingStatus | None,
     began_ns: int,
+    clock: ClockStatus,
     environ: Mapping[str, str],
 ) -> Status:
     """The status at this moment; `imu` is None before there is a chip, `began_ns` CLOCK_MONOTONIC at the start."""
@@ -59,7 +60,7 @@ def status_of(
         outputs=outputs,
         calibration=_calibration(imu),
         recording=recording,
-        clock=ClockStatus(offset_ns=time_ns() - monotonic_ns(), synchronised=is_synchronised()),
+        clock=clock,
         boot_id=boot_id(environ),
         pid=os.getpid(),
         memory_mb=memory_mb(),

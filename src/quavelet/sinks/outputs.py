@@ -24,9 +24,9 @@ from quavelet.sinks.transports.unix import UnixTransport
 
 ENCODINGS: dict[str, Callable[[OutputPlan], Encoding]] = {
     "json": Json,
-    "nmea": lambda plan: Nmea(offset_ns=offset_from(plan.clock)),
-    "signalk": lambda plan: SignalK(name=plan.service, offset_ns=offset_from(plan.clock)),
-    "influx": lambda plan: Influx(name=plan.service, offset_ns=offset_from(plan.clock)),
+    "nmea": lambda plan: Nmea(offset_ns=offset_from(plan.clock, plan.wall_ns)),
+    "signalk": lambda plan: SignalK(name=plan.service, offset_ns=offset_from(plan.clock, plan.wall_ns)),
+    "influx": lambda plan: Influx(name=plan.service, offset_ns=offset_from(plan.clock, plan.wall_ns)),
     "opentrack": lambda plan: OpenTrack(),  # noqa: ARG005
     "mavlink": lambda plan: Mavlink(),  # noqa: ARG005
 }

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
 from quavelet.core.clock import Clock
 from quavelet.settings import OutputSettings
+from quavelet.sinks.encodings.wall_time import WallNs
 from quavelet.sinks.status import Status
 
 
@@ -19,6 +21,7 @@ class OutputPlan:
     service   the service's name
     status    the service as it is at this moment; may be called on any thread
     clock     of the loop
+    wall_ns   the time of day
     """
 
     name: str
@@ -26,3 +29,4 @@ class OutputPlan:
     service: str
     status: Callable[[], Status]
     clock: Clock
+    wall_ns: WallNs = time.time_ns

@@ -61,10 +61,12 @@ class ClockStatus(msgspec.Struct, frozen=True, kw_only=True):
 
     offset_ns      CLOCK_REALTIME minus CLOCK_MONOTONIC
     synchronised   whether the kernel says that the clock is kept by a time server; None where it is not known
+    steps          how often it was set, by half a second or more at once, since the program started
     """
 
     offset_ns: int
     synchronised: bool | None = None
+    steps: int = 0
 
 
 class Status(msgspec.Struct, frozen=True, kw_only=True):

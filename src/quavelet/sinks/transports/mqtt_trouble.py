@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import socket
 import ssl
+from datetime import UTC, datetime
 
 from quavelet.core.errors import ImuError
 from quavelet.settings.outputs import MqttSettings
@@ -21,6 +22,9 @@ _LASTING = {
     0x9A: "it keeps no retained messages: allow them there",
     0x9B: "it does not take this qos: give a lower one",
 }
+
+_OUT_OF_DATE = (9, 10)
+"""X509_V_ERR_CERT_NOT_YET_VALID and X509_V_ERR_CERT_HAS_EXPIRED of OpenSSL."""
 
 
 class Trouble(ImuError):
@@ -42,6 +46,13 @@ def of_error(error: Exception, *, mqtt: MqttSettings, broker: str) -> Trouble:
     """What an error while connecting means."""
     if isinstance(error, ssl.SSLCertVerificationError):
         why = error.verify_message.rstrip(".") or "not verified"
+        if error.verify_code in _OUT_OF_DATE:
+            # A machine without a battery clock starts in the past; a time server mends it, and the next try holds.
+            return Trouble(
+                f"{broker} shows a certificate that does not hold by the time here, "
+                f"{datetime.now(UTC):%Y-%m-%d} ({why}): is the time right (see `timedatectl`), or is it to be renewed?",
+                lasting=True,
+            )
         ca = mqtt.ca_file or "the system's"
         return Trouble(
             f"{broker} shows a certificate that does not hold ({why}): check the host's name and ca_file ({ca})",
