@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Protocol
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Protocol, runtime_checkable
 
 from quavelet.sinks.message import Message
 
@@ -41,4 +42,23 @@ class Ability(Protocol):
 
     def close(self) -> None:
         """End what is under way; called once, at the end of the program."""
+        ...
+
+
+@runtime_checkable
+class HasFiles(Protocol):
+    """An ability that made files, which a viewer may download from /recordings/NAME."""
+
+    def open_file(self, name: str) -> Path | None:
+        """The file of that name, from the ability's own list and never by joining a path; None for any other."""
+        ...
+
+
+@runtime_checkable
+class HasPast(Protocol):
+    """An ability that can go elsewhere in time, and knows what was before that."""
+
+    def past(self) -> Iterable[Message]:
+        """Messages of the ten minutes before the next one, oldest first, ten a second are enough; asked for when time
+        has jumped."""
         ...

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from gzip import compress
 from hashlib import sha256
 from pathlib import Path
 
@@ -23,11 +24,12 @@ TYPES = {
 
 @dataclass(frozen=True, slots=True)
 class Asset:
-    """One file; `etag` is of its content."""
+    """One file; `etag` is of its content, `gzipped` the same in less, b"" where it would not be."""
 
     body: bytes
     content_type: str
     etag: str
+    gzipped: bytes = b""
 
 
 def read_assets(folder: Path = PAGE) -> Mapping[str, Asset]:
@@ -38,5 +40,6 @@ def read_assets(folder: Path = PAGE) -> Mapping[str, Asset]:
         if content_type and path.is_file():
             body = path.read_bytes()
             etag = f'"{sha256(body).hexdigest()[:32]}"'
-            found[path.relative_to(folder).as_posix()] = Asset(body, content_type, etag)
+            gzipped = compress(body, mtime=0) if len(body) > 1000 and path.suffix != ".png" else b""
+            found[path.relative_to(folder).as_posix()] = Asset(body, content_type, etag, gzipped)
     return found

@@ -8,6 +8,7 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from importlib.util import find_spec
+from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 import msgspec
@@ -20,13 +21,13 @@ from quavelet.settings.web import WebSettings
 from quavelet.sinks.message import Message
 from quavelet.sinks.status import Status
 from quavelet.sinks.thinning import Thinning
-from quavelet.web.ability import Ability
+from quavelet.web.ability import Ability, HasFiles, HasPast
 from quavelet.web.access import Access, is_loopback, token_at, token_path
 from quavelet.web.assets import read_assets
 from quavelet.web.frames import VERSION, ability_frame, encoded, frame, lateness_of, message_frame
 from quavelet.web.health_words import words_of
 from quavelet.web.history import History
-from quavelet.web.viewers import PATIENCE_S, Viewer, Viewers
+from quavelet.web.viewers import STALLED_S, Viewer, Viewers
 
 if TYPE_CHECKING:
     from quavelet.web.server import Server
@@ -63,6 +64,8 @@ class WebPage:
     clock       of the messages
     environ     has the places that systemd gives
     lateness    of the loop
+    stalled_s   a viewer that takes nothing for so long is dropped
+    patience_s, heartbeat_s   as `Server` has them
 
     Raises SettingsError where aiohttp is missing.
     """
@@ -81,11 +84,13 @@ class WebPage:
         clock: Clock,
         environ: Mapping[str, str],
         lateness: Callable[[], Histogram] = Histogram,
-        patience_s: float = PATIENCE_S,
+        stalled_s: float = STALLED_S,
+        patience_s: float = 10.0,
+        heartbeat_s: float = 10.0,
     ) -> None:
         if find_spec("aiohttp") is None:
             raise SettingsError("web.listen: the page needs aiohttp: `pip install 'quavelet[web]'`, or leave it out")
-        self.viewers = Viewers(settings.viewers, patience_s=patience_s)
+        self.viewers = Viewers(settings.viewers, stalled_s=stalled_s)
         self._settings = settings
         self._src = src
         self._service = name
@@ -94,6 +99,8 @@ class WebPage:
         self._talk = talk
         self._clock = clock
         self._environ = environ
+        self._patience_s = patience_s
+        self._heartbeat_s = heartbeat_s
         self._lateness = lateness
         self._by_name: dict[str, Ability] = {}
         self._states: dict[str, bytes] = {}
@@ -128,7 +135,11 @@ class WebPage:
         made = False
         if self._token is None:
             self._token, made = ("", False) if is_loopback(host) else token_at(path)
-        self._server = Server(self, Access(self._token, port=port), read_assets())
+        # A quarter of a second on a small machine, and the others go on meanwhile.
+        assets = await asyncio.to_thread(read_assets)
+        self._server = Server(
+            self, Access(self._token, port=port), assets, patience_s=self._patience_s, heartbeat_s=self._heartbeat_s
+        )
         await self._server.open(host, port)
         self._ticking = asyncio.get_running_loop().create_task(self._tick())
         if not is_told:
@@ -158,7 +169,6 @@ class WebPage:
 
     def greet(self, viewer: Viewer) -> None:
         """All that one who comes later is to know."""
-        self.viewers.join(viewer)
         viewer.send(self._hello())
         viewer.send(self._history.frame())
         for name in self._by_name:
@@ -173,7 +183,7 @@ class WebPage:
         """Do what a viewer asks. Raises ValueError where that is no JSON object of the right kinds."""
         try:
             asked = msgspec.json.decode(text, type=Asked)
-        except (msgspec.DecodeError, RecursionError) as error:
+        except (msgspec.DecodeError, RecursionError, UnicodeError) as error:
             raise ValueError(str(error)) from None
         if asked.ping is not None:
             viewer.send(frame("pong", n=asked.ping, now_ns=self._clock.now_ns()))
@@ -182,8 +192,14 @@ class WebPage:
         viewer.send(frame("answer", n=asked.n, ok=ok, text=said))
         self._look_at_abilities()
 
-    def ability(self, name: str) -> Ability | None:
-        return self._by_name.get(name)
+    def file(self, name: str) -> Path | None:
+        """The file that an ability has under that name."""
+        for ability in self._by_name.values():
+            if isinstance(ability, HasFiles):
+                path = self._guarded(ability, partial(ability.open_file, name))
+                if path is not None:
+                    return path
+        return None
 
     def _done(self, asked: Asked) -> tuple[bool, str]:
         ability = self._by_name.get(asked.ability)
@@ -205,7 +221,14 @@ class WebPage:
         """Time has jumped: what was before is no past of what comes."""
         self._thinning = Thinning(rate_hz=self._settings.rate_hz)
         self._history.clear()
+        for ability in self._by_name.values():
+            if isinstance(ability, HasPast):
+                self._guarded(ability, partial(self._take_past, ability))
         self.viewers.send(self._history.frame())
+
+    def _take_past(self, ability: HasPast) -> None:
+        for message in ability.past():
+            self._history.add(message)
 
     async def _tick(self) -> None:
         looked = 0

@@ -14,7 +14,7 @@ import msgspec
 
 from quavelet.sinks.message import Message
 
-PATIENCE_S = 5.0
+STALLED_S = 5.0
 MESSAGES_WAIT_BYTES = 4096
 """With more than that on its way, a message would come late."""
 MOST_WAITING_BYTES = 2_000_000
@@ -59,7 +59,7 @@ class Viewer:
             self._slot, frame = None, frame_of(message)
         return self.send(frame)
 
-    def is_stalled(self, now_s: float, patience_s: float) -> bool:
+    def is_stalled(self, now_s: float, stalled_s: float) -> bool:
         """Whether it has taken nothing for so long, though there was something, or far too much waits."""
         waiting = self.waiting_bytes
         if waiting > MOST_WAITING_BYTES:
@@ -67,17 +67,17 @@ class Viewer:
         taken = self._written - waiting
         if taken != self._taken or not waiting:
             self._taken, self._taken_s = taken, now_s
-        return now_s - self._taken_s > patience_s
+        return now_s - self._taken_s > stalled_s
 
 
 class Viewers:
     """At most `most`. refused and dropped say why, and how often; lost counts messages over all."""
 
-    def __init__(self, most: int, *, patience_s: float = PATIENCE_S) -> None:
+    def __init__(self, most: int, *, stalled_s: float = STALLED_S) -> None:
         self.refused: Counter[str] = Counter()
         self.dropped: Counter[str] = Counter()
         self._most = most
-        self._patience_s = patience_s
+        self._stalled_s = stalled_s
         self._viewers: dict[Viewer, None] = {}
         self._lost = 0
 
@@ -119,7 +119,7 @@ class Viewers:
 
     def drop_stalled(self, now_s: float) -> None:
         for viewer in tuple(self._viewers):
-            if viewer.is_stalled(now_s, self._patience_s):
+            if viewer.is_stalled(now_s, self._stalled_s):
                 self.drop(viewer, "stalled")
 
     def drop(self, viewer: Viewer, why: str) -> None:
