@@ -18,6 +18,7 @@ from quavelet.core.closing import Closing
 from quavelet.core.errors import CalibrationError, EndOfData, NotPossible
 from quavelet.core.flow import Stage
 from quavelet.core.health import Health
+from quavelet.core.paths import expanded
 from quavelet.core.units import NS_PER_S
 from quavelet.loop.deadline import FixedStepLoop
 from quavelet.mpu6050.access import RegisterAccess
@@ -145,7 +146,7 @@ class Imu(Closing):
         """
         asked, record, note, given = self.settings.calibration, None, "", self.settings.offsets.plan()
         self.offsets = given
-        path = Path(asked.file).expanduser() if asked.file else None
+        path = expanded(asked.file) if asked.file else None
         if path or (asked.automatic and any_records()):
             chip = self._identity(variant)
             path = path or find_record(chip)

@@ -529,3 +529,20 @@ def test_the_real_commands_work_below_another_root(tmp_path: Path) -> None:
     assert "quavelet" not in (tmp_path / "etc/passwd").read_text()
     assert not [path for path in tmp_path.rglob("quavelet*") if path.is_file()]
     assert subprocess.run(["id", "quavelet"], capture_output=True, check=False).returncode != 0
+
+
+@pytest.mark.parametrize(
+    ("text", "folder"),
+    [
+        ('[recording]\ndirectory = "/mnt/usb/quavelet"\n', "/mnt/usb/quavelet"),
+        ('[web]\nrecordings = "/srv/boards"\n', "/srv/boards"),
+        ('[output.own]\nto = "unix:/srv/sockets/board.sock"\n', "/srv/sockets"),
+    ],
+)
+def test_a_folder_that_the_unit_does_not_let_it_write_to_is_told(machine: Machine, text: str, folder: str) -> None:
+    machine.install()
+    (machine.root / "etc/quavelet/imu0.toml").write_text(text)
+    (told,) = [step.words for step in machine.of("imu0").install() if "ReadWritePaths" in step.words]
+    assert f"ReadWritePaths={folder};" in told
+    (machine.root / "etc/quavelet/imu0.toml").write_text('[recording]\ndirectory = "/var/lib/quavelet/all"\n')
+    assert not [step for step in machine.of("imu0").install() if "ReadWritePaths" in step.words]

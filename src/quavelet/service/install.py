@@ -13,13 +13,13 @@ from pathlib import Path
 import msgspec
 
 from quavelet.service import gpio_on
-from quavelet.service.drop_ins import DROP_INS, GPIO, needed
+from quavelet.service.drop_ins import DROP_INS, GPIO, needed, written_elsewhere
 from quavelet.service.files import gone, holds, kept_of, put, take
 from quavelet.service.gpio_on import gpio_advice
 from quavelet.service.i2c_on import GROUP, i2c_advice
 from quavelet.service.program import Program
 from quavelet.service.steps import InstallError, Run, Step, run_command, write_file
-from quavelet.settings import BusSettings, load_settings
+from quavelet.settings import BusSettings, Settings, load_settings
 from quavelet.settings.reference import example
 from quavelet.settings.service import NAME
 
@@ -105,7 +105,7 @@ class Installation:
             *self._told_udev(),
             *self._told_systemd(),
             self._enable(start),
-            *self._to_do(chip.name, unit, needed(there)),
+            *self._to_do(chip.name, unit, there),
         ]
 
     def remove(self, *, purge: bool) -> list[Step]:
@@ -224,15 +224,20 @@ class Installation:
         command = ["systemctl", *self._offline(), "enable", self.service]
         return self._command("have the service started at the next start of the machine", command)
 
-    def _to_do(self, bus: str, unit: str, wanted: dict[str, str]) -> list[Step]:
+    def _to_do(self, bus: str, unit: str, settings: Settings) -> list[Step]:
         """What is left to a person."""
-        todo: list[str] = []
+        todo, wanted = list[str](), needed(settings)
         if not (self.root / self.program.path.relative_to("/")).exists():
             todo.append(f"put the program where it is here, {self.program.path}, below {self.root}")
         if self.config.exists() and not self._user_reads(self.config):
             todo.append(
                 f"sudo chgrp {USER} {self.config} && sudo chmod g+r {self.config}, which the service cannot read"
             )
+        todo += [
+            f"sudo systemctl edit {self.service}, and write [Service] and below it ReadWritePaths={folder}; the user "
+            f"{USER} must be allowed to write there: the unit lets it write to /var/lib/quavelet only"
+            for folder in written_elsewhere(settings)
+        ]
         if self.live and self.unit.exists() and not self._runs_with(unit, wanted):
             todo.append(f"sudo systemctl restart {self.service}, which runs as before until then")
         kind, _, number = bus.partition(":")

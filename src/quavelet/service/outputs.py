@@ -8,6 +8,7 @@ from time import time_ns
 from typing import BinaryIO
 
 from quavelet.core.clock import Clock
+from quavelet.core.paths import expanded
 from quavelet.loop.histogram import Histogram
 from quavelet.loop.hub import Hub, ItemSink, Policy, SubscriberStats
 from quavelet.settings import OutputSettings, Settings
@@ -163,7 +164,7 @@ def socket_path(settings: Settings, *, name: str, environ: Mapping[str, str]) ->
     """Where the local socket is to be, None for nowhere: as [service] says, or below what the host gives."""
     asked = settings.service.socket
     if asked != AUTO:
-        return Path(asked).expanduser() if asked else None
+        return expanded(asked) if asked else None
     # systemd gives several, one behind the other, where the unit asks for several.
     given = environ.get("RUNTIME_DIRECTORY", "").partition(":")[0]
     if given:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from importlib.metadata import version
-from pathlib import Path
 
 from quavelet.core.clock import Clock
+from quavelet.core.paths import expanded
 from quavelet.loop.hub import Hub
 from quavelet.recording.mcap_recorder import RotatingMcap
 from quavelet.recording.recorder import RotatingRecorder
@@ -34,7 +34,7 @@ def recorder_for(
     recording = settings.recording
     if not recording.directory:
         return None
-    directory = Path(recording.directory).expanduser()
+    directory = expanded(recording.directory)
     if recording.format == "mcap":
         return RotatingMcap(
             directory,

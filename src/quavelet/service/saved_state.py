@@ -24,6 +24,7 @@ from quavelet.attitude.heading import HeadingState
 from quavelet.attitude.params import FilterState
 from quavelet.attitude.yaw_zero import YawZeroState
 from quavelet.calibration.still_bias import StillBiasState
+from quavelet.core.paths import expanded
 from quavelet.pipeline import PipelineState
 from quavelet.settings import Settings
 from quavelet.settings.service import AUTO
@@ -71,7 +72,7 @@ def state_path(settings: Settings, *, name: str, environ: Mapping[str, str]) -> 
     """Where the state is kept, None for nowhere."""
     asked = settings.service.state_file
     if asked != AUTO:
-        return Path(asked).expanduser() if asked else None
+        return expanded(asked) if asked else None
     folder = environ.get("RUNTIME_DIRECTORY", "").partition(":")[0]
     return Path(folder, f"{name}.state") if folder else None
 

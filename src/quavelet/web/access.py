@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from quavelet.core.errors import SettingsError
+from quavelet.core.paths import expanded
 from quavelet.settings.service import AUTO
 from quavelet.settings.web import WebSettings
 
@@ -78,7 +79,7 @@ def is_loopback(host: str) -> bool:
 def token_path(settings: WebSettings, *, name: str, environ: Mapping[str, str]) -> Path | None:
     """Where the token is kept, None for nowhere."""
     if settings.token_file != AUTO:
-        return Path(settings.token_file).expanduser() if settings.token_file else None
+        return expanded(settings.token_file) if settings.token_file else None
     given = environ.get("STATE_DIRECTORY", "").partition(":")[0]
     return Path(given) / f"{name}.token" if given else None
 

@@ -13,6 +13,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from quavelet.core.errors import SettingsError
+from quavelet.core.paths import expanded
 from quavelet.settings.service import check_socket_path
 from quavelet.sinks.listener import QUEUE, Listener
 from quavelet.sinks.plan import OutputPlan
@@ -28,8 +29,7 @@ class UnixTransport:
     """Listens on a path; the file is there from `open` to `close`."""
 
     def __init__(self, plan: OutputPlan) -> None:
-        # Not Path.expanduser, which raises where there is no such user: that folder is not there, and is told as such.
-        self._path = Path(os.path.expanduser(plan.settings.destination.path))  # noqa: PTH111
+        self._path = expanded(plan.settings.destination.path)
         self._readers = Readers(plan.settings.readers)
         self._listener: UnixListener | None = None
 
