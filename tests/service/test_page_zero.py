@@ -8,6 +8,7 @@ from time import monotonic, sleep
 import msgspec
 import pytest
 from service_bed import Bed, EventClock
+from waiting import eventually
 
 from hw_fakes import FakeBus, FakeMpu6050, Still, Turntable
 from quavelet.core.clock import VirtualClock
@@ -99,6 +100,7 @@ def test_a_zero_is_in_the_state_file_at_once(tmp_path: Path) -> None:
             sleep(0.005)
             look()
 
+    bed.clock.at(11.8, lambda: eventually((tmp_path / "imu.state").exists))
     bed.clock.at(11.9, look)
     bed.clock.at(12.0, lambda: zero_of(bed).do("now", {}))
     bed.clock.at(12.1, await_it)

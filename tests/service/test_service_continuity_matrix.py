@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,6 +12,7 @@ import pytest
 from full_disk import files_up_to
 from numpy.typing import NDArray
 from service_bed import Bed, EventClock
+from waiting import eventually
 
 from hw_fakes import TYPICAL, FakeMpu6050, Motion, Still, board
 from hw_fakes.magnetometers.base import MagnetometerImperfections
@@ -78,7 +78,8 @@ class World:
         killed = list[float]()
 
         def kill() -> None:
-            left.extend(self._as_it_stands())
+            assert eventually(lambda: is_level(bed), look_s=0.002)
+            left.extend([self.file.read_bytes()] if self.file.exists() else [])
             killed.append(bed.clock.now_ns() / 1e9)
 
         bed.clock.at(killed_s, kill)
@@ -95,18 +96,13 @@ class World:
         """Whether the next start finds the attitude of a board at rest."""
         return self.file.exists() and read_state(self.file).still
 
-    def _as_it_stands(self) -> list[bytes]:
-        """The file, or none, once its thread has written what it was given."""
-        seen = self._content()
-        for _ in range(200):
-            time.sleep(0.03)
-            before, seen = seen, self._content()
-            if seen == before:
-                break
-        return seen
 
-    def _content(self) -> list[bytes]:
-        return [self.file.read_bytes()] if self.file.exists() else []
+def is_level(bed: Bed) -> bool:
+    """Whether the file's thread, which runs in real time, has written what it was given."""
+    continuity = bed.service.continuity
+    assert continuity is not None
+    (stats,) = continuity.stats()
+    return stats.delivered == continuity.handed_over
 
 
 def went_on(bed: Bed) -> bool:

@@ -52,6 +52,8 @@ class Continuity:
         self._last: Message | None = None
         self._zero_rad: float | None = None
         self._saved = self._read()
+        self.handed_over = 0
+        """Copies, and orders to remove the file, given to the thread that writes; `stats` says what it has done."""
         self._copies: Hub[Snapshot | None] = Hub()
         self._copies.subscribe(SUBSCRIBER, StateFile(path, talk=talk), depth=1, policy=policy)
 
@@ -73,7 +75,7 @@ class Continuity:
             self._saved, resumed, self._zero_rad = None, self._resuming.resumed, zero_rad
             self._keeper = Keeper(kept_still=resumed)
             if not resumed:
-                self._copies.publish(None)
+                self._hand_over(None)
         self._last, self._is_lost = message, False
         if self._keeper.due(message) or zero_rad != self._zero_rad:
             # A zero of yaw that is asked for, or undone, is kept at once.
@@ -85,7 +87,7 @@ class Continuity:
         if not self._is_lost and self._last is not None:
             self._last, self._is_lost = None, True
             self._keeper = Keeper()
-            self._copies.publish(None)
+            self._hand_over(None)
 
     def __enter__(self) -> Self:
         return self
@@ -122,7 +124,11 @@ class Continuity:
         who = self._who()
         if who is not None and self._imu is not None:
             state = self._imu.pipeline.state()
-            self._copies.publish(self._keeper.copy(message, state, identity=who, asleep_ns=self._asleep_ns()))
+            self._hand_over(self._keeper.copy(message, state, identity=who, asleep_ns=self._asleep_ns()))
+
+    def _hand_over(self, snapshot: Snapshot | None) -> None:
+        self.handed_over += 1
+        self._copies.publish(snapshot)
 
     def _who(self) -> Identity | None:
         """Asked of the chip once; None where it does not answer now."""
