@@ -97,7 +97,6 @@ def _adjtimex() -> ctypes._NamedFuncPointer:
 
 
 @cache
-@cache
 def _version() -> str:
     return version("quavelet")
 
