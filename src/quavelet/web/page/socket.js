@@ -81,7 +81,7 @@ export class Live {
   async _why() {
     try {
       const answer = await fetch("/live", { cache: "no-store" });
-      if (answer.status === 401 || answer.status === 403) location.reload();
+      if (answer.status === 401) location.reload(); // to where the token is asked for
       else if (answer.status === 503 && !this.up) this.on.link?.({ up: false, why: await answer.text(), again_ms: 0 });
     } catch {
       // nobody is there: what is shown already says so
