@@ -92,6 +92,8 @@ def token_at(path: Path | None) -> tuple[str, bool]:
         return _read(path), False
     except FileNotFoundError:
         return _made(path), True
+    except SettingsError:
+        raise
     except (OSError, ValueError) as error:
         reason = (error.strerror if isinstance(error, OSError) else None) or "no text"
         raise SettingsError(
