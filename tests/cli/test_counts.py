@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import fields
 
-from quavelet.cli.counts import TOLD_BEFORE, USUAL, WORDS, in_words
-from quavelet.core.health import Health
+from quavelet.cli.counts import in_words
+from quavelet.core.health import EXPECTED, WORDS, Health
 
 
 def test_every_counter_has_words_of_its_own() -> None:
     names = {field.name for field in fields(Health)}
-    assert names == {*WORDS, *TOLD_BEFORE, *USUAL}
+    assert names == {*WORDS, *EXPECTED}
     assert len(set(WORDS.values())) == len(WORDS)
 
 

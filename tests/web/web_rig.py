@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import gc
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -232,9 +231,7 @@ def run(
         assert asyncio.all_tasks() == {asyncio.current_task()}
         return rig
 
-    done = asyncio.run(whole())
-    gc.collect()
-    return done
+    return asyncio.run(whole())
 
 
 async def eventually(what: Callable[[], bool], *, within_s: float = 10.0) -> bool:

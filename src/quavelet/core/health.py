@@ -68,3 +68,32 @@ class Health:
     def as_dict(self) -> dict[str, int]:
         """All counters by name."""
         return asdict(self)
+
+
+EXPECTED = ("samples", "samples_lost", "gaps", "drains", "fifo_empty")
+"""Counters that are told of otherwise, or grow where all is well."""
+
+WORDS: dict[str, str] = {
+    "fifo_overflows": "the chip's FIFO overflowed, since the host came too late",
+    "fifo_near_full": "the chip's FIFO was almost full and was emptied, since the host came too late",
+    "fifo_misaligned": "the FIFO did not hold whole samples",
+    "fifo_resets": "the FIFO was emptied, and what was in it is lost",
+    "frames_implausible": "a sample was thrown away, since no sensor gives such",
+    "spikes": "a sample stood alone and was thrown away, a bit may have flipped on the wires",
+    "counts_surprising": "far more or fewer samples had come than the chip's rate makes",
+    "bus_errors": "a transfer failed",
+    "bus_retries": "a failed transfer was repeated at once",
+    "outages": "the chip could not be read for so long that it was reset",
+    "chip_restarts": "the chip was reset and set up again",
+    "config_mismatches": "a setting did not read back as written",
+    "registers_upset": "the chip changed a setting by itself, as when its supply dips",
+    "starved": "no sample came for much longer than one takes",
+    "stuck": "no axis changed for so long that the chip was taken to be stuck",
+    "slow_queries": "the FIFO was asked too slowly to time samples by, the host was busy",
+    "rate_out_of_bounds": "a measured sample rate was outside what the chip can do, and not used",
+    "data_ready_missed": "the data-ready line gave no pulses, and samples were timed by counts meanwhile",
+    "magnetometer_lost": "the magnetometer gave nothing, or not what it was told",
+    "magnetometer_restarts": "the magnetometer was set up again",
+    "records_damaged": "a part of the recording could not be read",
+}
+"""All others in words: what happened once."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 from gzip import compress
 from hashlib import sha256
 from pathlib import Path
@@ -32,6 +33,7 @@ class Asset:
     gzipped: bytes = b""
 
 
+@cache
 def read_assets(folder: Path = PAGE) -> Mapping[str, Asset]:
     """All files below the folder by name, "vendor/three.module.min.js" with its folder. Raises OSError."""
     found = {}

@@ -25,7 +25,7 @@ from quavelet.web.ability import Ability, HasFiles, HasPast
 from quavelet.web.access import Access, is_loopback, token_at, token_path
 from quavelet.web.assets import read_assets
 from quavelet.web.frames import VERSION, ability_frame, encoded, frame, lateness_of, message_frame
-from quavelet.web.health_words import words_of
+from quavelet.web.health_words import Lately, words_of
 from quavelet.web.history import History
 from quavelet.web.viewers import STALLED_S, Viewer, Viewers
 
@@ -108,6 +108,8 @@ class WebPage:
         self._history = History()
         self._thinning = Thinning(rate_hz=settings.rate_hz)
         self._latest: Message | None = None
+        self._flags: dict[str, None] = {}
+        self._lately = Lately()
         self._last_ns: int | None = None
         self._said: deque[str] = deque(maxlen=SAID)
         self._to_say: deque[str] = deque(maxlen=SAID)
@@ -119,6 +121,11 @@ class WebPage:
     def port(self) -> int:
         """Where it listens, once it is open."""
         return self._server.port if self._server else self._settings.address[1]
+
+    @property
+    def connections(self) -> int:
+        """All that are open, viewers and others."""
+        return self._server.connections if self._server else 0
 
     def tell(self, text: str) -> None:
         """Let the viewers know what the program says; may be called from any thread, and returns at once."""
@@ -152,6 +159,7 @@ class WebPage:
         for ability in self._by_name.values():
             self._guarded(ability, partial(ability.see, message))
         self._history.add(message)
+        self._flags |= dict.fromkeys(message.flags)
         taken = self._thinning.take(message)
         if taken is None:
             return False
@@ -239,12 +247,14 @@ class WebPage:
                 self._said.append(text)
                 self.viewers.send(_talk(text))
             self.viewers.drop_stalled(asyncio.get_running_loop().time())
-            if not len(self.viewers):
-                continue
-            self._look_at_abilities()
             looked += 1
-            if looked % STATUS_EVERY == 0:
-                self.viewers.send(self._status_frame())
+            is_due = looked % STATUS_EVERY == 0
+            if len(self.viewers):
+                self._look_at_abilities()
+                if is_due:
+                    self.viewers.send(self._status_frame())
+            if is_due:
+                self._flags.clear()
 
     def _look_at_abilities(self) -> None:
         for name in self._by_name:
@@ -292,8 +302,9 @@ class WebPage:
 
     def _status_frame(self) -> bytes:
         status = self._status()
+        words = words_of(status, flags=self._flags, grown=self._lately.grown(status))
         lateness = lateness_of(self._lateness())
-        return frame("status", s=status, words=words_of(status), lateness=lateness, viewers=self.viewers.counts())
+        return frame("status", s=status, words=words, lateness=lateness, viewers=self.viewers.counts())
 
     def _tell_where(self, host: str, made: bool) -> None:
         shown = f"[{host}]" if ":" in host else host

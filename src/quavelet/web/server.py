@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from urllib.parse import quote, unquote
 
 import msgspec
-from aiohttp import WSMsgType, web
+from aiohttp import WebSocketError, WSCloseCode, WSMsgType, web
 
 from quavelet.sinks.listener import Listener, tcp_sockets
 from quavelet.web.access import HEADERS, Access
@@ -40,7 +40,6 @@ KERNEL_BYTES = 65_536
 """What the kernel keeps for one viewer; more would be shown late."""
 CHUNK_BYTES = 262_144
 CLOSE_S = 0.5
-_CLOSED_FOR = {1006: "silent", 1007: "malformed", 1009: "oversized"}
 
 
 class Server:
@@ -264,8 +263,8 @@ class Server:
             if frame.type is WSMsgType.BINARY:
                 return "binary", 1003
             if frame.type is not WSMsgType.TEXT:
-                # aiohttp has closed it already, with the code that says why.
-                return _CLOSED_FOR.get(said.close_code or 0, "broken"), 0
+                # aiohttp has closed it already.
+                return _why(frame.data), 0
             if len(times_s) == MOST_FRAMES and loop.time() - times_s[0] < FRAMES_S:
                 return "flood", 1008
             times_s.append(loop.time())
@@ -273,7 +272,7 @@ class Server:
                 self._page.heard(viewer, frame.data)
             except ValueError:
                 return "malformed", 1007
-        return "", 0
+        return ("", 0) if said.exception() is None else (_why(said.exception()), 0)
 
 
 class _Connection(web.RequestHandler):
@@ -312,6 +311,15 @@ class _TurnedAway(asyncio.Protocol):
 
 def _text(status: int, text: str, **headers: str) -> web.Response:
     return web.Response(status=status, text=f"{text}\n", headers={**HEADERS, "Cache-Control": "no-store", **headers})
+
+
+def _why(error: object) -> str:
+    """For what aiohttp has closed a websocket, in a word."""
+    if isinstance(error, WebSocketError):
+        return {WSCloseCode.MESSAGE_TOO_BIG: "oversized", WSCloseCode.INVALID_TEXT: "malformed"}.get(
+            WSCloseCode(error.code), "broken"
+        )
+    return "silent" if isinstance(error, TimeoutError) else "broken"
 
 
 def _headers_of_download(name: str) -> dict[str, str]:
