@@ -136,7 +136,7 @@ class WebPage:
         from quavelet.web.server import Server
 
         host, port = self._settings.address
-        self._by_name = {ability.name: ability for ability in self._abilities}
+        self.begin()
         path = token_path(self._settings, name=self._service, environ=self._environ)
         is_told = self._token is not None
         made = False
@@ -151,6 +151,10 @@ class WebPage:
         self._ticking = asyncio.get_running_loop().create_task(self._tick())
         if not is_told:
             self._tell_where(host, made)
+
+    def begin(self) -> None:
+        """Take the abilities that there are from here on."""
+        self._by_name = {ability.name: ability for ability in self._abilities}
 
     def write(self, message: Message) -> bool:
         if self._has_jumped(message):
