@@ -11,7 +11,7 @@ from sink_status import status
 
 from quavelet.core.health import Health
 from quavelet.sinks.metrics_text import metrics_text
-from quavelet.sinks.status import Status
+from quavelet.sinks.status import PageStatus, Status
 
 parser = pytest.importorskip(
     "prometheus_client.parser", reason="prometheus_client is not installed: pip install prometheus-client"
@@ -120,3 +120,12 @@ def test_a_service_that_has_seen_nothing_yet_has_figures_too():
     found = samples(young)
     assert "quavelet_sample_rate_hertz" not in found and "quavelet_flag" not in found
     assert found["quavelet_running"][0][1] == 0
+
+
+def test_who_looks_at_the_page_is_counted_by_what_became_of_them():
+    page = PageStatus(now=2, lost=5, refused={"token": 3, "origin": 1}, dropped={"stalled": 1})
+    found = samples(msgspec.structs.replace(status(), page=page))
+    assert [number for _, number in found["quavelet_page_viewers"]] == [2]
+    assert {labels["why"]: number for labels, number in found["quavelet_page_refused_total"]} == page.refused
+    assert {labels["why"]: number for labels, number in found["quavelet_page_dropped_total"]} == page.dropped
+    assert "quavelet_page_viewers" not in samples(status())

@@ -10,7 +10,7 @@ from quavelet.core.health import Health
 from quavelet.core.units import NS_PER_MS
 from quavelet.sinks.message import Message
 from quavelet.sinks.spans import span_in_words
-from quavelet.sinks.status import OutputStatus, Status
+from quavelet.sinks.status import OutputStatus, PageStatus, Status
 
 MISSED_SHARE = 0.01
 """A larger share of deadlines missed is something to look after."""
@@ -59,6 +59,8 @@ def _facts(status: Status) -> Iterator[tuple[str, str]]:
     if status.recording is not None:
         recording = status.recording
         yield "recording", f"{recording.state}, {recording.bytes / 1e6:.0f} MB {recording.file}"
+    if status.page is not None:
+        yield "page", _page(status.page)
     kept = {True: "kept by a time server", False: "not kept by a time server", None: "not known whether kept"}
     steps = status.clock.steps
     was_set = f", set {steps} time{'s' if steps > 1 else ''} since the start" if steps else ""
@@ -82,6 +84,12 @@ def _output(output: OutputStatus) -> str:
     if output.to.startswith(("unix:", "tcp:")):
         text += f", {output.readers} readers"
     return text
+
+
+def _page(page: PageStatus) -> str:
+    counts = [f"{n} refused ({why})" for why, n in page.refused.items()]
+    counts += [f"{n} dropped ({why})" for why, n in page.dropped.items()]
+    return ", ".join([f"{page.now} looking on", *counts])
 
 
 def _wrong(status: Status) -> Iterator[str]:

@@ -288,6 +288,7 @@ class Service:
             latency=self.outputs.latency,
             outputs=self.outputs.statuses(),
             recording=recordings.status_of(stats) if (stats := self.recording_stats()) else None,
+            page=self.outputs.page.viewers.status() if self.outputs.page else None,
             began_ns=self._began_ns,
             clock=self.time_of_day.status(),
             environ=self._environ,

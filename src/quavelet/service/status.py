@@ -18,7 +18,7 @@ from quavelet.loop.histogram import Histogram
 from quavelet.service.host import boot_id
 from quavelet.settings import Settings
 from quavelet.sinks.message import Message
-from quavelet.sinks.status import ClockStatus, LatencyStatus, OutputStatus, RecordingStatus, Status
+from quavelet.sinks.status import ClockStatus, LatencyStatus, OutputStatus, PageStatus, RecordingStatus, Status
 
 _NO_LOOP = LoopStats(0, 0, 0, 0, 0, 0, 0, 0)
 _TIMEX_BYTES = 256
@@ -37,6 +37,7 @@ def status_of(
     latency: Histogram,
     outputs: list[OutputStatus],
     recording: RecordingStatus | None,
+    page: PageStatus | None,
     began_ns: int,
     clock: ClockStatus,
     environ: Mapping[str, str],
@@ -60,6 +61,7 @@ def status_of(
         outputs=outputs,
         calibration=_calibration(imu),
         recording=recording,
+        page=page,
         clock=clock,
         boot_id=boot_id(environ),
         pid=os.getpid(),

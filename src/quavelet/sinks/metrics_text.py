@@ -63,6 +63,12 @@ def metrics_text(status: Status, *, answers: Mapping[str, int]) -> str:
     if status.recording is not None:
         text.gauge("recording_bytes", "What all files of the recording take.", ({}, status.recording.bytes))
         text.counter("recording_lost_drains", "Drains the disk was too slow for.", ({}, status.recording.lost))
+    if status.page is not None:
+        text.gauge("page_viewers", "Who looks at the live page.", ({}, status.page.now))
+        text.counter("page_lost", "Messages that a slow viewer did not get.", ({}, status.page.lost))
+        refused, dropped = sorted(status.page.refused.items()), sorted(status.page.dropped.items())
+        text.counter("page_refused", "Requests refused, by the reason.", *(({"why": why}, n) for why, n in refused))
+        text.counter("page_dropped", "Viewers dropped, by the reason.", *(({"why": why}, n) for why, n in dropped))
     text.counter(
         "metrics_requests",
         "Requests for these figures by the code they were answered with.",

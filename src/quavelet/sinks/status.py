@@ -56,6 +56,21 @@ class RecordingStatus(msgspec.Struct, frozen=True, kw_only=True):
     kind: str = "drains"
 
 
+class PageStatus(msgspec.Struct, frozen=True, kw_only=True):
+    """Who looks at the live page.
+
+    now       viewers at this moment
+    lost      messages that a slow viewer did not get
+    refused   requests that were, by the reason: "token", "origin", "host", "viewers", "connections", ...
+    dropped   viewers that were, by the reason: "stalled", "silent", "malformed", "oversized", "flood", ...
+    """
+
+    now: int = 0
+    lost: int = 0
+    refused: dict[str, int] = {}
+    dropped: dict[str, int] = {}
+
+
 class ClockStatus(msgspec.Struct, frozen=True, kw_only=True):
     """How the messages' times relate to the world's.
 
@@ -102,6 +117,7 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     outputs: list[OutputStatus] = []
     calibration: str = ""
     recording: RecordingStatus | None = None
+    page: PageStatus | None = None
     clock: ClockStatus
     boot_id: str = ""
     pid: int

@@ -308,7 +308,7 @@ class WebPage:
         status = self._status()
         words = words_of(status, flags=self._flags, grown=self._lately.grown(status))
         lateness = lateness_of(self._lateness())
-        return frame("status", s=status, words=words, lateness=lateness, viewers=self.viewers.counts())
+        return frame("status", s=status, words=words, lateness=lateness, viewers=self.viewers.status())
 
     def _tell_where(self, host: str, made: bool) -> None:
         shown = f"[{host}]" if ":" in host else host

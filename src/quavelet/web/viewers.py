@@ -13,6 +13,7 @@ from collections.abc import Callable
 import msgspec
 
 from quavelet.sinks.message import Message
+from quavelet.sinks.status import PageStatus
 
 STALLED_S = 5.0
 MESSAGES_WAIT_BYTES = 4096
@@ -90,7 +91,7 @@ class Viewers:
 
     @property
     def lost(self) -> int:
-        return self._lost + sum(viewer.lost for viewer in self._viewers)
+        return self._lost + sum(viewer.lost for viewer in tuple(self._viewers))
 
     def join(self, viewer: Viewer) -> None:
         self._viewers[viewer] = None
@@ -128,9 +129,9 @@ class Viewers:
             self.dropped[why] += 1
             viewer.transport.abort()
 
-    def counts(self) -> dict[str, object]:
-        """For the page."""
-        return {"now": len(self), "lost": self.lost, "refused": dict(self.refused), "dropped": dict(self.dropped)}
+    def status(self) -> PageStatus:
+        """May be asked for on any thread."""
+        return PageStatus(now=len(self), lost=self.lost, refused=dict(self.refused), dropped=dict(self.dropped))
 
 
 def _together(earlier: Message, later: Message) -> Message:
