@@ -10,7 +10,7 @@ import { Lateness } from "./lateness.js";
 import { Mounting } from "./mounting.js";
 import { Numbers } from "./numbers.js";
 import { Replay } from "./replay.js";
-import { assertive, polite, talk } from "./says.js";
+import { assertive, begin, polite, talk } from "./says.js";
 import { Live } from "./socket.js";
 import { Strips } from "./strips.js";
 
@@ -32,15 +32,17 @@ let fresh_ms = -Infinity;
 let last_t_ns = NaN;
 let stale = true;
 let told = false;
+let asked_again = false;
 
 const live = new Live({
   hello(frame) {
+    begin();
     setText(byId("name"), frame.name);
     setText(byId("source"), frame.src);
     document.title = `${frame.name} · quavelet`;
     setText(byId("foot"), `quavelet ${frame.version}`);
     byId("fake").hidden = !frame.fake;
-    setText(byId("fake-text"), `${frame.src}: all that is shown is made up by a fake`);
+    setText(byId("fake-text"), `all of it made up by ${frame.src}`);
     const kinds = { zero: Zero, record: Record, mounting: Mounting, play: Replay, fault: Faults, calibrate: Calibration };
     for (const [name, about] of Object.entries(frame.abilities ?? {})) {
       const kind = kinds[/** @type {keyof kinds} */ (name)];
@@ -54,6 +56,10 @@ const live = new Live({
   history: (frame) => strips.replace(frame),
   message(frame) {
     const m = frame.m;
+    if (abilities.fault?.empty && !asked_again) {
+      asked_again = true; // a chip that has not answered offers no faults, and what is offered is told once
+      live.reopen();
+    }
     if (m.t_ns !== last_t_ns) fresh_ms = performance.now();
     last_t_ns = m.t_ns;
     health.temp_degc = m.temp_degc;
@@ -94,7 +100,7 @@ function look() {
   const why = !link.up
     ? `${link.why || `No connection to quavelet at ${location.host}.`} ${again_s > 0 ? `Trying again in ${again_s} s.` : "Trying again."}`
     : health.trouble || "quavelet is there, but gives no attitude.";
-  byId("veil").hidden = !stale;
+  byId("veil").hidden = !stale || (fresh_ms === -Infinity && now_ms < TOLD_MS);
   if (stale) {
     setText(byId("veil-what"), since);
     setText(byId("veil-why"), ` ${why}${link.up && health.remedy ? ` ${health.remedy}` : ""}`);

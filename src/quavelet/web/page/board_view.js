@@ -89,7 +89,7 @@ export class BoardView {
     this.board.draw(this.q, yaw_rad, this._sigma_rad, this.drawn);
     const data = this.place.dataset;
     const d = this.drawn;
-    data.q = `${d[0].toFixed(7)},${d[1].toFixed(7)},${d[2].toFixed(7)},${d[3].toFixed(7)}`;
+    data.q = `${d[0].toFixed(9)},${d[1].toFixed(9)},${d[2].toFixed(9)},${d[3].toFixed(9)}`;
     data.tNs = String(this._t_ns);
     data.drawn = String(++this._count);
     for (const axis in this._labels) {

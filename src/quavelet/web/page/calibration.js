@@ -6,7 +6,7 @@ import { byId, make, setText, signed } from "./dom.js";
 import { polite } from "./says.js";
 import { View } from "./view.js";
 
-const WORDS = { good: "Good", warn: "Usable", bad: "Not good" };
+const WORDS = { good: "Good", warn: "Usable", bad: "Not good enough" };
 
 export class Calibration {
   constructor(live) {
@@ -44,7 +44,7 @@ export class Calibration {
       this._says,
       state.running
         ? `On a fake of its own, ${state.speed} times as fast as it would go on a bench.`
-        : "Another fake chip is calibrated as a person would do it, turned by a hand that obeys. quavelet calibrate does it with yours.",
+        : state.why && !state.result ? `The session has ended: ${state.why}.` : "Another fake chip is calibrated as a person would do it, turned by a hand that obeys. quavelet calibrate does it with yours.",
     );
     this._running.hidden = !state.running || !state.view;
     if (state.running && state.view) this._session(state.view);
@@ -80,8 +80,8 @@ export class Calibration {
     /** @type {HTMLProgressElement} */ (this._still).value = needs ? Math.min(1, view.still_s / needs) : 0;
     const still = view.still_s > 0 ? `still for ${view.still_s.toFixed(1)} s` : "moving";
     const turned = Math.abs(view.turned_deg) >= 10 ? `, turned by ${signed(view.turned_deg, 0)}°` : "";
-    const face = `${view.face ?? "no face"} up${view.asked_face && view.asked_face !== view.face ? `, asked for ${view.asked_face}` : ""}`;
-    setText(this._facts, `${still}${turned}; ${face}; ${view.temp_degc.toFixed(1)} °C`);
+    const face = `${view.face || "no face"} up${view.asked_face && view.asked_face !== view.face ? `, asked for ${view.asked_face}` : ""}`;
+    setText(this._facts, `${still}${turned}; ${face}${typeof view.temp_degc === "number" ? `; ${view.temp_degc.toFixed(1)} °C` : ""}`);
   }
 
   /** @param {number[]} q */
@@ -112,7 +112,7 @@ export class Calibration {
     this._result.replaceChildren(
       make("p", { class: "verdict", "data-level": result.verdict }, title),
       make("ul", { class: "words" }, ...(result.lines ?? []).map((/** @type {any} */ l) =>
-        make("li", { "data-level": l.level }, make("span", { class: "mark-of", "aria-hidden": "true" }, { good: "✓", warn: "!", bad: "✕" }[l.level] ?? "·"), make("p", {}, make("strong", {}, l.title), make("span", { class: "do" }, units(l.text)))))),
+        make("li", { "data-level": l.level }, make("span", { class: "mark-of", "aria-hidden": "true" }, { good: "✓", warn: "!", bad: "✕" }[l.level] ?? "·"), make("p", {}, make("strong", {}, l.title), make("span", { class: "do" }, units([l.text, l.do].filter(Boolean).join(". "))))))),
     );
   }
 }

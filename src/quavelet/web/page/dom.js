@@ -68,5 +68,13 @@ export function size(bytes) {
   return bytes < 1e9 ? `${(bytes / 1e6).toFixed(1)} MB` : `${(bytes / 1e9).toFixed(2)} GB`;
 }
 
-/** A colour of the style sheet, as it is at this moment. @param {string} name */
-export const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+/** @type {Map<string, string>} */
+const colours = new Map();
+globalThis.addEventListener?.("theme", () => colours.clear()); // before all others, who load this file first
+
+/** A colour of the style sheet. @param {string} name */
+export function colour(name) {
+  let value = colours.get(name);
+  if (value === undefined) colours.set(name, (value = getComputedStyle(document.documentElement).getPropertyValue(name).trim()));
+  return value;
+}

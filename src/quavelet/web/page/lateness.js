@@ -27,7 +27,7 @@ export class Lateness {
       const n = Math.min(KEPT, this._count);
       this._sorted.set(this._ages_ms);
       this._sorted.subarray(0, n).sort();
-      setText(byId("latency-text"), `On this screen a sample is ${Math.round(this._sorted[n >> 1])} ms old when it is drawn (median), ${Math.round(this._sorted[Math.floor(0.99 * n)])} ms at worst.`);
+      setText(byId("latency-text"), `When it is drawn here, a sample is ${Math.round(this._sorted[n >> 1])} ms old (median), 99 % within ${Math.round(this._sorted[Math.floor(0.99 * n)])} ms.`);
     }
     this._draw();
   }

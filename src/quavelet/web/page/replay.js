@@ -35,7 +35,7 @@ export class Replay {
   about(about) {
     this._overview = about.overview ?? null;
     this.length_s = about.length_s ?? 0;
-    setText(this._file, about.file ?? "");
+    this._name = about.file ?? "";
     this._draw();
   }
 
@@ -53,7 +53,9 @@ export class Replay {
     this._play.dataset.does = state.ended ? "again" : state.paused ? "play" : "pause";
     this._play.setAttribute("aria-label", state.ended ? "Play again" : state.paused ? "Play" : "Pause");
     this._speed.value = String(state.speed);
-    if (performance.now() - this._sought_ms > 400) this._at(state.t_s);
+    setText(this._file, state.says || this._name);
+    this._file.classList.toggle("trouble", Boolean(state.says));
+    if (performance.now() - this._sought_ms > 400) this._at(state.wanted_s ?? state.t_s);
   }
 
   /** @param {number} t_s */

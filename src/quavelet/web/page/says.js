@@ -19,11 +19,21 @@ export const polite = (text) => (byId("polite").textContent = text);
 /** Trouble, at once. @param {string} text */
 export const assertive = (text) => (byId("assertive").textContent = text);
 
+const PAST_MS = 1000;
+let since_ms = 0;
+
+/** A connection begins: what the program said before comes again, and nobody knows when it was. */
+export function begin() {
+  since_ms = performance.now();
+  byId("talk").replaceChildren(make("li", { class: "note" }, "Nothing yet."));
+}
+
 /** A line of the program's own talk. @param {{level: string, text: string}} frame */
 export function talk(frame) {
   const list = byId("talk");
   list.querySelector(".note")?.remove();
-  const at = new Date().toLocaleTimeString([], { hour: "2-digit", minute: "2-digit", second: "2-digit" });
+  const past = performance.now() - since_ms < PAST_MS;
+  const at = past ? "before" : new Date().toLocaleTimeString([], { hour: "2-digit", minute: "2-digit", second: "2-digit", hour12: false });
   const last = /** @type {HTMLElement|null} */ (list.lastElementChild);
   if (last?.dataset.text === frame.text) {
     const times = Number(last.dataset.times ?? 1) + 1;

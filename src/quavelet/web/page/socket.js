@@ -40,6 +40,12 @@ export class Live {
     });
   }
 
+  /** Connect anew, as after a loss. */
+  reopen() {
+    this._socket.close();
+    this._wait_ms = 0;
+  }
+
   _connect() {
     this._again = 0;
     const socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/live`);
@@ -72,7 +78,7 @@ export class Live {
   /** @param {string} why */
   _lost(why) {
     const again_ms = this._wait_ms * (0.8 + 0.4 * Math.random());
-    this._wait_ms = Math.min(LONGEST_MS, 2 * this._wait_ms);
+    this._wait_ms = Math.min(LONGEST_MS, Math.max(FIRST_MS, 2 * this._wait_ms));
     this.on.link?.({ up: false, why, again_ms });
     this._soon(again_ms);
   }

@@ -10,6 +10,7 @@ const KEY = "quavelet.span";
 const EVERY_MS = 100;
 const SAID_MS = 2000;
 const BREAK_S = 0.5;
+const DASH = [5, 4];
 const DEG = 180 / Math.PI;
 const CHARTS = [
   { id: "strip-angles", what: "angles", unit: "°", from: 0, names: ["roll", "pitch", "yaw"], axes: "xyz", least: 10, round: 360, digits: 1 },
@@ -82,6 +83,7 @@ export class Strips {
       drawn.gaps[2 * drawn.gap_count++ + 1] = 0;
     }
     const x = drawn.x.subarray(0, drawn.rows);
+    this._charts[0].plot.series[3].dash = this._relative ? DASH : undefined;
     for (const { about, plot } of this._charts) {
       const data = [x];
       for (let k = 0; k < about.names.length; k++) data.push(drawn.y[about.from + k].subarray(0, drawn.rows));
@@ -119,7 +121,6 @@ export class Strips {
       points: { show: false },
       gaps: (/** @type {any} */ u, /** @type {number} */ series, /** @type {number} */ from, /** @type {number} */ to) => this._breaks(u, series, from, to, about.round),
     });
-    const series = about.names.map((_, k) => line(k));
     const axis = (/** @type {object} */ more) => ({
       stroke: () => colour("--quiet"), font: "12px system-ui, sans-serif", ticks: { show: false },
       grid: { stroke: () => colour("--line"), width: 1 }, ...more,
@@ -138,7 +139,7 @@ export class Strips {
           axis({ size: last ? 26 : 8, gap: 4, values: last ? (_u, at) => at.map(ago) : (_u, at) => at.map(() => ""), space: 64, incrs: [1, 2, 5, 10, 15, 30, 60, 120] }),
           axis({ size: 46, gap: 6, space: 26, values: (_u, at, _a, _s, step) => at.map((v) => (v < 0 ? "−" : "") + Math.abs(v).toFixed(step < 0.1 ? 2 : step % 1 ? 1 : 0)) }),
         ],
-        series: [{}, ...series.map((s, k) => (about.axes[k] === "z" && about.round ? { ...s, dash: [5, 4] } : s))],
+        series: [{}, ...about.names.map((_, k) => line(k))],
         hooks: { drawClear: [(u) => this._bands(u)] },
       },
       [[], ...about.names.map(() => [])],
