@@ -92,6 +92,19 @@ def test_the_cookie_is_good_after_a_restart_and_the_token_is_printed_once(tmp_pa
     assert stat.S_IMODE(file.stat().st_mode) == 0o600
 
 
+def test_where_the_page_is_and_where_its_token_is_kept_are_said(tmp_path):
+    file = tmp_path / "token"
+    file.write_text("x" * 20)
+    file.chmod(0o600)
+
+    async def scenario(rig: Rig) -> None:
+        (said,) = rig.said
+        assert said.endswith(f":{rig.page.port}/; its token is in {file}") and "0.0.0.0" not in said
+        assert (await rig.login("x" * 20)).code == 204
+
+    run(scenario, listen=ANYWHERE, token_file=str(file))
+
+
 def test_without_a_place_for_it_the_token_is_another_at_each_start():
     seen: list[str] = []
 

@@ -14,6 +14,7 @@ import pytest
 from web_rig import Bad, Noting, Rig, eventually, run
 
 from quavelet.core.errors import BusError
+from quavelet.sinks.status import Status
 from quavelet.web import server
 from quavelet.web.frames import message_frame, text_frame
 
@@ -299,6 +300,25 @@ def test_a_connection_that_asks_nothing_is_closed():
             writer.close()
 
     run(scenario, waits={"patience_s": 0.3})
+
+
+def test_a_status_that_cannot_be_given_ends_nothing(caplog):
+    async def scenario(rig: Rig) -> None:
+        async with rig.viewer() as viewer:
+            await viewer.until("status")
+            rig.page._status = broken
+            assert await eventually(lambda: bool(caplog.records))
+            rig.message()
+            await viewer.until("message")
+            await viewer.live.send_str('{"ping":1}')
+            await viewer.until("pong")
+
+    run(scenario)
+    assert len(caplog.records) == 1
+
+
+def broken() -> Status:
+    raise RuntimeError("x")
 
 
 def test_what_the_program_says_reaches_all_and_who_comes_later():

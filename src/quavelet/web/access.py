@@ -6,6 +6,7 @@ import hmac
 import os
 import re
 import secrets
+import socket
 import stat
 from collections.abc import Mapping
 from pathlib import Path
@@ -74,6 +75,19 @@ class Access:
 def is_loopback(host: str) -> bool:
     """Whether only this machine reaches that address."""
     return host.lower() in LOOPBACK or re.fullmatch(r"127(\.\d{1,3}){3}", host) is not None
+
+
+def own_address(host: str) -> str:
+    """What others are to ask for: `host`, or this machine's own address where it listens on all of them."""
+    if host not in ("0.0.0.0", "::"):
+        return host
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+        try:
+            # Nothing is sent: the system only looks up which of its addresses it would send from (RFC 5737).
+            sock.connect(("192.0.2.1", 9))
+            return str(sock.getsockname()[0])
+        except OSError:
+            return socket.gethostname()
 
 
 def token_path(settings: WebSettings, *, name: str, environ: Mapping[str, str]) -> Path | None:

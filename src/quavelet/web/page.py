@@ -22,7 +22,7 @@ from quavelet.sinks.message import Message
 from quavelet.sinks.status import Status
 from quavelet.sinks.thinning import Thinning
 from quavelet.web.ability import Ability, HasFiles, HasPast
-from quavelet.web.access import Access, is_loopback, token_at, token_path
+from quavelet.web.access import Access, is_loopback, own_address, token_at, token_path
 from quavelet.web.assets import read_assets
 from quavelet.web.frames import VERSION, ability_frame, encoded, frame, lateness_of, message_frame
 from quavelet.web.health_words import Lately, words_of
@@ -150,7 +150,7 @@ class WebPage:
         await self._server.open(host, port)
         self._ticking = asyncio.get_running_loop().create_task(self._tick())
         if not is_told:
-            self._tell_where(host, made)
+            self._tell_where(host, "" if made or not self._token else f"; its token is in {path}", made=made)
 
     def begin(self) -> None:
         """Take the abilities that there are from here on."""
@@ -222,7 +222,7 @@ class WebPage:
         except (ImuError, ValueError) as error:
             return False, str(error)
         except Exception as error:  # noqa: BLE001
-            self._mistake(ability, error)
+            self._mistake(f"ability {ability.name}", error)
             return False, "that failed by a mistake in the program: its log says where"
 
     def _has_jumped(self, message: Message) -> bool:
@@ -246,19 +246,25 @@ class WebPage:
         looked = 0
         while True:
             await asyncio.sleep(LOOK_S)
-            while self._to_say:
-                text = self._to_say.popleft()
-                self._said.append(text)
-                self.viewers.send(_talk(text))
-            self.viewers.drop_stalled(asyncio.get_running_loop().time())
             looked += 1
-            is_due = looked % STATUS_EVERY == 0
-            if len(self.viewers):
-                self._look_at_abilities()
-                if is_due:
-                    self.viewers.send(self._status_frame())
+            try:
+                self._look(is_due=looked % STATUS_EVERY == 0)
+            except Exception as error:  # noqa: BLE001
+                self._mistake("status", error)
+
+    def _look(self, *, is_due: bool) -> None:
+        """What is to be seen to ten times a second; is_due: once a second."""
+        while self._to_say:
+            text = self._to_say.popleft()
+            self._said.append(text)
+            self.viewers.send(_talk(text))
+        self.viewers.drop_stalled(asyncio.get_running_loop().time())
+        if len(self.viewers):
+            self._look_at_abilities()
             if is_due:
-                self._flags.clear()
+                self.viewers.send(self._status_frame())
+        if is_due:
+            self._flags.clear()
 
     def _look_at_abilities(self) -> None:
         for name in self._by_name:
@@ -279,13 +285,14 @@ class WebPage:
         try:
             return step()
         except Exception as error:  # noqa: BLE001
-            self._mistake(ability, error)
+            self._mistake(f"ability {ability.name}", error)
             return None
 
-    def _mistake(self, ability: Ability, error: Exception) -> None:
-        if ability.name not in self._mistaken:
-            self._mistaken.add(ability.name)
-            log.error("the page's ability %r has a mistake in its code", ability.name, exc_info=error)
+    def _mistake(self, what: str, error: Exception) -> None:
+        """In the log, the first time only."""
+        if what not in self._mistaken:
+            self._mistaken.add(what)
+            log.error("the page's %s has a mistake in its code", what, exc_info=error)
 
     def _frame_of(self, message: Message) -> bytes:
         return message_frame(message, now_ns=self._clock.now_ns())
@@ -310,10 +317,12 @@ class WebPage:
         lateness = lateness_of(self._lateness())
         return frame("status", s=status, words=words, lateness=lateness, viewers=self.viewers.status())
 
-    def _tell_where(self, host: str, made: bool) -> None:
-        shown = f"[{host}]" if ":" in host else host
+    def _tell_where(self, host: str, kept: str, *, made: bool) -> None:
+        reached = own_address(host)
+        shown = f"[{reached}]" if ":" in reached else reached
+        # What is behind # a browser does not send: it stands in no log of a proxy.
         fragment = f"#token={self._token}" if made else ""
-        self._talk(f"the page is at http://{shown}:{self.port}/{fragment}")
+        self._talk(f"the page is at http://{shown}:{self.port}/{fragment}{kept}")
 
 
 def _talk(text: str) -> bytes:

@@ -240,6 +240,11 @@ class Server:
 
     async def _look_on(self, said: web.WebSocketResponse, transport: asyncio.Transport) -> None:
         viewers = self._page.viewers
+        if viewers.is_full:
+            # Others came while hands were shaken.
+            self._refused["viewers"] += 1
+            await said.close(code=WSCloseCode.TRY_AGAIN_LATER)
+            return
         viewer = Viewer(transport, lambda: not said.closed, now_s=asyncio.get_running_loop().time())
         viewers.join(viewer)
         try:
