@@ -91,6 +91,7 @@ if TYPE_CHECKING:
     from hw_fakes.world.motion_carried import Walk as Walk
     from hw_fakes.world.motion_recorded import RecordedMotion as RecordedMotion
     from hw_fakes.world.motion_recorded import load_motion as load_motion
+    from hw_fakes.world.motion_show import Show as Show
     from hw_fakes.world.motion_switched import SwitchedMotion as SwitchedMotion
 
 # What stands above, once more for the running program.
@@ -117,6 +118,7 @@ _NAMES = {
     "world.motion_bench": "Coning SixFaces",
     "world.motion_carried": "Drone Walk",
     "world.motion_recorded": "RecordedMotion load_motion",
+    "world.motion_show": "Show",
     "world.motion_switched": "SwitchedMotion",
     "chip.personalities": "CLONE_69 CLONE_72 CLONE_75 ICM20689 MPU6000 MPU6050 MPU6050_EARLY MPU6500 MPU6515 MPU9150 "
     "MPU9250 MPU9255 PERSONALITIES Personality",

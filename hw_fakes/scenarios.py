@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from hw_fakes.chip.counts import RecordedCounts
 from hw_fakes.chip.mpu6050 import FakeMpu6050
 from hw_fakes.wire.bench import BenchBus
@@ -11,6 +13,7 @@ from hw_fakes.world.motion import Motion, Still, Sway, Tilt, Turntable
 from hw_fakes.world.motion_bench import Coning, SixFaces
 from hw_fakes.world.motion_carried import Drone, Walk
 from hw_fakes.world.motion_recorded import load_motion
+from hw_fakes.world.motion_show import Show
 from quavelet.core.clock import Clock
 from quavelet.core.errors import SettingsError
 
@@ -23,7 +26,11 @@ MOTIONS: dict[str, Motion] = {
     "coning": Coning(),
     "walk": Walk(),
     "drone": Drone(),
+    "show": Show(),
 }
+CALIBRATED = replace(TYPICAL, gyro_scale=(1.0, 1.0, 1.0), accel_bias_m_s2=(0.0, 0.0, 0.0), accel_scale=(1.0, 1.0, 1.0))
+"""Scale and zero of the accelerometer as they are left by a calibration; the gyroscope's bias is found at rest."""
+SHOW = "show"
 BENCH = "bench"
 COUNTS = "counts:"
 RECORDED = "motion:"
@@ -34,8 +41,9 @@ SEED = 6050
 def open_fake(which: str, /, *, clock: Clock) -> FakeBus:
     """The bus `fake:WHICH`, with one MPU-6050 at 0x68: `targets[0x68]` is the chip, and its `motion` the truth.
 
-    WHICH is what `motion_named` takes (a chip with TYPICAL imperfections), `counts:FILE.npz` (recorded counts, see
-    `RecordedCounts`), or `bench` or `bench:SEED` (a board that does what the bench session asks for, see `BenchBus`).
+    WHICH is what `motion_named` takes (a chip with TYPICAL imperfections, that of `show` a CALIBRATED one),
+    `counts:FILE.npz` (recorded counts, see `RecordedCounts`), or `bench` or `bench:SEED` (a board that does what the
+    bench session asks for, see `BenchBus`).
     Raises SettingsError for any other, or where the file cannot be used.
     """
     check_name(which)
@@ -44,7 +52,8 @@ def open_fake(which: str, /, *, clock: Clock) -> FakeBus:
     if which.startswith(COUNTS):
         chip = counts_chip(RecordedCounts.load(which.removeprefix(COUNTS)), clock=clock)
     else:
-        chip = FakeMpu6050(clock, motion=motion_named(which), imperfections=TYPICAL, seed=SEED)
+        sensors = CALIBRATED if which == SHOW else TYPICAL
+        chip = FakeMpu6050(clock, motion=motion_named(which), imperfections=sensors, seed=SEED)
     return FakeBus({ADDRESS: chip}, clock=clock, name=f"fake:{which}")
 
 

@@ -11,6 +11,7 @@ from hw_fakes.world.motion import Still, Sway, Tilt, Turntable
 from hw_fakes.world.motion_base import EarthField
 from hw_fakes.world.motion_bench import Coning, SixFaces
 from hw_fakes.world.motion_carried import Drone, Vibration, Walk
+from hw_fakes.world.motion_show import Move, Show
 from quavelet.core.units import STANDARD_GRAVITY_M_S2
 
 MOTIONS = {
@@ -23,6 +24,7 @@ MOTIONS = {
     "six faces in haste": SixFaces(rest_s=0.3, turn_s=0.7),
     "coning": Coning(),
     "wide coning": Coning(half_angle_deg=70, turns_hz=-3),
+    "show": Show(),
 }
 TRAVELLING = {
     "walk": Walk(),
@@ -146,6 +148,29 @@ def test_coning_adds_up_to_a_turn_that_is_not_there():
     yaw_rate_deg_s = np.degrees(coning.rate_rad_s(t_s).mean(0))
     # The solid angle of the cone, once a turn.
     assert yaw_rate_deg_s == pytest.approx([0, 0, -2 * 360 * (1 - np.cos(np.radians(20)))], abs=1e-9)
+
+
+def test_a_show_moves_about_every_axis_rests_between_and_comes_again():
+    show = Show()
+    t_s = np.arange(0.0, show.start_s + show.lap_s, 0.01)
+    rate_deg_s = np.degrees(show.rate_rad_s(t_s))
+    still = np.linalg.norm(rate_deg_s, axis=1) < 1e-9
+    assert still[t_s < show.start_s].all()
+    assert (np.abs(rate_deg_s).max(axis=0) > 60).all() and np.abs(rate_deg_s).max() < 200
+    assert 0.35 < still[t_s > show.start_s].mean() < 0.65
+    later_s = t_s[t_s > show.start_s]
+    assert np.allclose(show.attitude(later_s), show.attitude(later_s + 7 * show.lap_s), atol=1e-9)
+    # The longest time without a rest of a second, in which the bias could be found anew.
+    moving_s = np.diff(t_s[still]).max()
+    assert moving_s < 9.0
+
+
+@pytest.mark.parametrize(
+    "bad", [{"moves": ()}, {"moves": (Move(5, 0, 0, 1, 1),)}, {"moves": (Move(0, 0, 0, 0, 1),)}, {"sway_s": 0}]
+)
+def test_a_show_that_cannot_be_is_refused(bad):
+    with pytest.raises(ValueError, match=r"end with|above 0"):
+        Show(**bad)
 
 
 def test_walk_goes_at_its_speed_in_its_circle():

@@ -8,7 +8,9 @@ import pytest
 from hw_fakes import open_fake, scenarios
 from quavelet.core.clock import VirtualClock
 from quavelet.core.errors import SettingsError
+from quavelet.core.quaternion import angle_between
 from quavelet.core.units import NS_PER_S
+from quavelet.imu import open_imu
 
 
 @pytest.mark.parametrize("which", scenarios.MOTIONS)
@@ -26,7 +28,7 @@ def test_each_name_opens_a_sleeping_chip_with_its_truth(which):
 def test_unknown_name_lists_the_names(which):
     with pytest.raises(SettingsError) as refused:
         open_fake(which, clock=VirtualClock())
-    names = "still", "tilt", "turntable", "sway", "faces", "coning", "walk", "drone", "bench"
+    names = "still", "tilt", "turntable", "sway", "faces", "coning", "walk", "drone", "show", "bench"
     names = *names, "motion:FILE.npz", "counts:FILE.npz"
     assert str(refused.value).endswith(", ".join(f"fake:{name}" for name in names))
 
@@ -56,6 +58,16 @@ def test_no_motion_leaves_the_narrowest_gyro_range_or_the_4_g_range(which):
     counts = np.frombuffer(b"".join(parts), dtype=">i2")
     assert len(counts) > 6 * 60 * 195
     assert np.abs(counts.astype(int)).max() < 32767
+
+
+def test_the_board_that_is_shown_is_drawn_another_way_than_it_lies():
+    clock = VirtualClock()
+    with open_imu("fake:show", clock=clock) as imu:
+        messages = [m for m in imu.messages(until_ns=50 * NS_PER_S) if m.t_ns > 8 * NS_PER_S]
+        truth = imu.bus.attitude(np.array([m.t_ns for m in messages]))
+    off_deg = np.degrees(angle_between(truth, np.array([m.q for m in messages])))
+    assert off_deg.max() < 1.0
+    assert {m.still for m in messages} == {True, False}
 
 
 def test_two_openings_give_the_same_bytes():
