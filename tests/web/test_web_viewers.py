@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import gc
 import logging
 import socket
@@ -268,6 +269,26 @@ def test_the_viewer_too_many_is_told_so_and_counted():
             await again.until("status")
 
     run(scenario, viewers=2)
+
+
+def test_of_many_that_come_at_once_no_more_than_there_are_places_look_on(monkeypatch):
+    monkeypatch.setattr("quavelet.sinks.listener.REST_S", 0.0)
+
+    async def scenario(rig: Rig) -> None:
+        most = 0
+
+        async def look_on() -> None:
+            nonlocal most
+            with contextlib.suppress(aiohttp.WSServerHandshakeError, TypeError):
+                async with rig.viewer() as viewer:
+                    await viewer.until("status")
+                    most = max(most, len(rig.page.viewers))
+                    await asyncio.sleep(0.1)
+
+        await asyncio.gather(*(look_on() for _ in range(12)))
+        assert most == 3 and rig.refused == {"viewers": 9}
+
+    run(scenario, viewers=3)
 
 
 def test_of_two_hundred_connections_those_above_the_limit_are_turned_away_and_a_viewer_goes_on(monkeypatch):

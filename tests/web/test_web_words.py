@@ -68,6 +68,9 @@ def test_what_was_counted_is_told_for_a_minute_and_not_for_ever():
     assert at(11.0) == {"bus_errors": 3, "samples": 1000}
     assert at(60.0)["bus_errors"] == 3
     assert at(72.0) == {}
+    for _ in range(1000):
+        at(72.5)
+    assert len(lately._seen) <= 60
     (words,) = words_of(STATUS, grown={"bus_errors": 3, "samples": 1000})
     assert words.what == "In the last minute: 3 x a transfer failed."
 

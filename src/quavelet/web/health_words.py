@@ -12,7 +12,7 @@ from quavelet.core.health import EXPECTED, WORDS
 from quavelet.sinks.status import Status
 
 Level = Literal["bad", "warn", "good"]
-LATELY_S = 60.0
+LATELY_S, LOOK_S = 60.0, 1.0
 MISSED_SHARE = 0.01
 """A larger share of deadlines missed is something to look after."""
 _WIRES = "Check the plugs and the wires: long or loose ones do this."
@@ -74,7 +74,9 @@ class Lately:
         now_s, counts = status.uptime_s, status.health
         self._seen = [(at_s, then) for at_s, then in self._seen if at_s > now_s - LATELY_S]
         then = self._seen[0][1] if self._seen else counts
-        self._seen.append((now_s, dict(counts)))
+        # It is asked for each that joins, too.
+        if not self._seen or now_s - self._seen[-1][0] >= LOOK_S:
+            self._seen.append((now_s, dict(counts)))
         return {name: n - then.get(name, 0) for name, n in counts.items() if n > then.get(name, 0)}
 
 
