@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import datetime, timedelta
+from os import SEEK_END
 from pathlib import Path
 from typing import BinaryIO
 
@@ -15,10 +16,12 @@ from quavelet.core.errors import RecordingError, SettingsError, WrongChip
 from quavelet.mpu6050.drain import Drain
 from quavelet.mpu6050.magnetometer.field import plan_of
 from quavelet.mpu6050.stream import StreamInfo
-from quavelet.recording.format import MAGIC, MAGIC_WORD, VERSION, Header, Kind, unpack_drain, unpack_header
-from quavelet.recording.scan import Scanner
+from quavelet.recording.format import MAGIC, MAGIC_WORD, VERSION, Header, Kind, checksum, unpack_drain, unpack_header
+from quavelet.recording.scan import Record, Scanner
 
 _MAGIC_LINE_BYTES = 40
+_TAIL_BYTES = 1 << 16
+"""So much is looked through for the last drain: a drain at least, but where a chip was restarted at the very end."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,27 +52,76 @@ class Damage:
         return max(self.places, self.drains_lost)
 
 
+@dataclass(frozen=True, slots=True)
+class Position:
+    """A place behind an item, from which a recording can be read on.
+
+    byte        in the file
+    stream_crc  of the header in force, which the checksums of the drains go on from; 0 before the first
+    header      its payload
+    next_seq    the drain's number expected next
+    last_ns     time of the last drain, None before the first
+    damage      found up to here
+    """
+
+    byte: int = len(MAGIC)
+    stream_crc: int = 0
+    header: bytes = b""
+    next_seq: int = 0
+    last_ns: int | None = None
+    damage: Damage = Damage()
+
+
 class RecordingReader:
     """The recording in the file `path`.
 
     Iterating gives, in bounded memory, each stream's `StreamInfo` and then its drains; it may be done again.
-    `header` is the first stream's, `damage` what the iteration has found up to now.
+    `header` is the first stream's; `damage` what the iteration has found up to now, and `position` where it stands.
     Raises RecordingError where there is no recording, or one this version cannot read.
     """
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
         self.damage = Damage()
+        self.position = Position()
+        self._first_payload = b""
         self.header = self._first_header()
 
     def __iter__(self) -> Iterator[StreamInfo | Drain]:
-        self.damage = Damage()
-        expected = lost = 0
-        last_ns: int | None = None
-        previous = b""
+        return self.from_position(Position())
+
+    def from_position(self, position: Position) -> Iterator[StreamInfo | Drain]:
+        """All items behind `position`, as the iteration that it was taken from gave them."""
+        self.position, self.damage = position, position.damage
+        return self._items(position)
+
+    def last_ns(self) -> int | None:
+        """Time of the file's last drain by a look at its end alone; None where that is not of the first stream."""
+        payload = self._first_payload
         with self._opened() as file:
-            file.seek(len(MAGIC))
-            scanner = Scanner(file)
+            size = file.seek(0, SEEK_END)
+            file.seek(max(len(MAGIC), size - _TAIL_BYTES))
+            scanner = Scanner(file, stream_crc=checksum(Kind.HEADER, payload, stream_crc=0))
+            last: Record | None = None
+            for record in scanner:
+                if record.kind in (Kind.DRAIN, Kind.EDGES):
+                    last = record
+                elif record.kind == Kind.HEADER and record.payload != payload:
+                    return None
+        return unpack_drain(last.kind, last.payload).after_ns if last else None
+
+    def size_bytes(self) -> int:
+        """How long the file is at this moment. Raises RecordingError."""
+        with self._opened() as file:
+            return file.seek(0, SEEK_END)
+
+    def _items(self, begin: Position) -> Iterator[StreamInfo | Drain]:
+        expected, lost, last_ns = begin.next_seq, begin.damage.drains_lost, begin.last_ns
+        previous = begin.header
+        with self._opened() as file:
+            file.seek(begin.byte)
+            damage = begin.damage
+            scanner = Scanner(file, stream_crc=begin.stream_crc, places=damage.places, first_byte=damage.first_byte)
             for record in scanner:
                 item: StreamInfo | Drain | None = None
                 if record.kind in (Kind.DRAIN, Kind.EDGES):
@@ -83,6 +135,7 @@ class RecordingReader:
                     previous, expected = record.payload, 0
                 self._note(scanner, lost, last_ns)
                 if item is not None:
+                    self.position = Position(scanner.byte, scanner.stream_crc, previous, expected, last_ns, self.damage)
                     yield item
             self._note(scanner, lost, last_ns)
 
@@ -124,6 +177,7 @@ class RecordingReader:
             ended = False
             for record in scanner:
                 if record.kind == Kind.HEADER:
+                    self._first_payload = record.payload
                     return self._header_of(record.payload)
                 ended = ended or record.kind == Kind.END
             if scanner.places == 0 and (ended or scanner.first_byte == len(MAGIC) == file.tell()):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from math import isinf
 
 from quavelet.calibration.model import UNCALIBRATED, ImuCalibration
@@ -11,11 +12,22 @@ from quavelet.core.blocks import RawBlock
 from quavelet.core.clock import Clock
 from quavelet.core.errors import SettingsError
 from quavelet.core.health import Health
-from quavelet.mpu6050.decoder import Decoder
+from quavelet.mpu6050.decoder import Decoder, DecoderState
 from quavelet.mpu6050.drain import Drain
 from quavelet.mpu6050.stream import StreamInfo
-from quavelet.recording.reader import RecordingReader
+from quavelet.recording.reader import Position, RecordingReader
 from quavelet.settings import Settings, parse_settings
+
+
+@dataclass(frozen=True, slots=True)
+class ReplayState:
+    """All memory: where the recording stands, the stream there, its decoder's memory, and what was counted up to it."""
+
+    position: Position
+    info: StreamInfo
+    decoder: DecoderState
+    last_drain: Drain | None
+    health: Health
 
 
 class ReplaySource:
@@ -48,6 +60,19 @@ class ReplaySource:
         """The calibration it was recorded with. Raises CalibrationError where this version no longer takes it."""
         text = self._reader.header.calibration
         return from_toml(text).calibration() if text else UNCALIBRATED
+
+    def state(self) -> ReplayState:
+        return ReplayState(
+            self._reader.position, self.info, self.decoder.state(), self.last_drain, replace(self._health)
+        )
+
+    def restore(self, state: ReplayState) -> None:
+        self._items = self._reader.from_position(state.position)
+        self.decoder = Decoder(state.info, health=self._health)
+        self.decoder.restore(state.decoder)
+        self.last_drain = state.last_drain
+        for name, count in state.health.as_dict().items():
+            setattr(self._health, name, count)
 
     def read(self) -> RawBlock | None:
         """The samples of the next drain. Raises RecordingError where the file cannot be read on."""

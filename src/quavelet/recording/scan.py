@@ -21,22 +21,24 @@ class Record:
 
 
 class Scanner:
-    """Gives the records of a file that stands behind its magic line, in bounded memory.
+    """Gives the records of a file from where it stands, behind its magic line or behind a record; in bounded memory.
 
+    stream_crc   of the last good HEADER before it, 0 where there is none
+    byte         where in the file the next record is to begin
     places       damaged stretches found so far that are followed by a good record, or stand after the END
     first_byte   where in the file the first damage is, None while there is none
     truncated    the file has ended without an END
     """
 
-    def __init__(self, file: BinaryIO) -> None:
-        self.places = 0
-        self.first_byte: int | None = None
+    def __init__(self, file: BinaryIO, *, stream_crc: int = 0, places: int = 0, first_byte: int | None = None) -> None:
+        self.stream_crc = stream_crc
+        self.places = places
+        self.first_byte = first_byte
         self.truncated = False
         self._file = file
         self._buffer = b""
         self._at = 0
         self._buffer_byte = file.tell()
-        self._stream_crc = 0
 
     def __iter__(self) -> Iterator[Record]:
         damaged_byte: int | None = None
@@ -45,7 +47,7 @@ class Scanner:
             record = self._take(after_damage=damaged_byte is not None)
             if record is None:
                 if damaged_byte is None:
-                    damaged_byte = self._byte
+                    damaged_byte = self.byte
                 self._skip_to_marker()
                 continue
             if damaged_byte is not None:
@@ -54,15 +56,15 @@ class Scanner:
             last_kind = record.kind
             yield record
         if damaged_byte is None and self._at < len(self._buffer):
-            damaged_byte = self._byte
+            damaged_byte = self.byte
         if last_kind != Kind.END:
             self.truncated = True
-            self._found_damage(self._byte if damaged_byte is None else damaged_byte)
+            self._found_damage(self.byte if damaged_byte is None else damaged_byte)
         elif damaged_byte is not None:
             self._found_place(damaged_byte)
 
     @property
-    def _byte(self) -> int:
+    def byte(self) -> int:
         return self._buffer_byte + self._at
 
     def _holds(self, n: int) -> bool:
@@ -82,10 +84,10 @@ class Scanner:
         if frame is None or not self._holds(FRAME_OVERHEAD_BYTES + frame.length):
             return None
         payload = self._payload(frame)
-        if frame.crc != checksum(frame.kind, payload, stream_crc=self._stream_crc):
+        if frame.crc != checksum(frame.kind, payload, stream_crc=self.stream_crc):
             return None
         if frame.kind == Kind.HEADER:
-            self._stream_crc = frame.crc
+            self.stream_crc = frame.crc
         self._at += FRAME_OVERHEAD_BYTES + frame.length
         return Record(frame.kind, payload, after_damage)
 
