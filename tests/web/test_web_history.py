@@ -76,11 +76,18 @@ def test_what_is_no_number_is_null_and_not_broken_json():
 class Past(Noting):
     """A player that knows what was before."""
 
-    def past(self) -> list[Message]:
+    def __init__(self) -> None:
+        super().__init__()
+        self.next_ns: int | None = None
+
+    def past(self, message: Message) -> list[Message] | None:
+        expected_ns, self.next_ns = self.next_ns, message.t_ns + 10 * NS_PER_MS
+        if expected_ns in (None, message.t_ns):
+            return None
         return [at(t_ms) for t_ms in range(0, 1000, 100)]
 
 
-@pytest.mark.parametrize("jump_ms", [-20_000, 60_000])
+@pytest.mark.parametrize("jump_ms", [-20_000, 60_000, 500])
 def test_after_a_jump_in_time_the_past_is_that_of_the_new_place(jump_ms):
     async def scenario(rig: Rig) -> None:
         rig.t_ms = 30_000

@@ -12,6 +12,7 @@ from rich.console import Console
 
 from quavelet.cli import options
 from quavelet.cli.panel import LivePanel, Status
+from quavelet.cli.replay_page import replay_page
 from quavelet.cli.run import outcome, stopped_by_signals, talk, tell_counts
 from quavelet.core.clock import MonotonicClock
 from quavelet.core.errors import RecordingError
@@ -36,6 +37,9 @@ Mcap = Annotated[
     Path | None,
     typer.Option(help="Write an MCAP file for Foxglove, in place of JSON lines or the panel.", show_default=False),
 ]
+Web = Annotated[
+    bool, typer.Option("--web", help="Play it on the live page: pause, seek, speed; on this machine unless [web] says.")
+]
 
 
 def replay(
@@ -44,11 +48,19 @@ def replay(
     json: options.Json = False,
     speed: Speed = None,
     mcap: Mcap = None,
+    web: Web = False,
+    port: options.Port = None,
 ) -> None:
     """Give the attitude of a recording, with the settings it was recorded with or those of --config.
 
     A calibration that was in use is used again.
     """
+    if port is not None and not web:
+        raise typer.BadParameter("it is that of the page: give --web too", param_hint="--port")
+    if web:
+        if mcap is not None:
+            raise typer.BadParameter("an MCAP file is written from end to end: leave --web out", param_hint="--mcap")
+        raise typer.Exit(replay_page(file, config=config, json=json, speed=speed, port=port))
     reader = RecordingReader(file)
     health = Health()
     source = ReplaySource(reader, health=health)

@@ -52,11 +52,6 @@ class Replaying:
         self._pipeline = make_pipeline()
 
     @property
-    def src(self) -> str:
-        """The bus it was recorded from."""
-        return self.source.info.src
-
-    @property
     def since_ns(self) -> int:
         """By so much a recorded time is later than its distance from the first drain."""
         drain = self.source.last_drain

@@ -13,6 +13,7 @@ from quavelet.core.clock import Clock
 from quavelet.core.errors import ImuError
 from quavelet.core.health import Health
 from quavelet.core.units import NS_PER_MS, NS_PER_S
+from quavelet.mpu6050.stream import StreamInfo
 from quavelet.pipeline import Pipeline
 from quavelet.recording.checkpoint import Checkpoints, Replaying
 from quavelet.recording.first_pass import TOGETHER, FirstPass
@@ -71,7 +72,7 @@ class PlayerState:
 class Player:
     """Plays the recording `path` from its beginning, until it is closed.
 
-    give           takes what is played, on the player's thread
+    give           takes what is played, on the player's thread; may be set until it is started
     make_pipeline  a pipeline in its first state, always of the same settings
     lead_ns        so much of the time before it is given with the time that was sought
 
@@ -86,16 +87,17 @@ class Player:
         *,
         make_pipeline: Callable[[], Pipeline],
         clock: Clock,
-        give: Callable[[Played], None],
+        give: Callable[[Played], None] = lambda _: None,
         checkpoints: Checkpoints | None = None,
         lead_ns: int = LEAD_NS,
     ) -> None:
         self.first_pass = FirstPass(RecordingReader(path), make_pipeline=make_pipeline, checkpoints=checkpoints)
+        self.path = path
         self.failure: BaseException | None = None
         self._replaying = Replaying(RecordingReader(path), make_pipeline=make_pipeline)
         self._clock = clock
         self._lead_ns = lead_ns
-        self._give = give
+        self.give = give
         self._lock = threading.Lock()
         self._wanted_ns: int | None = None
         self._paused = False
@@ -119,9 +121,9 @@ class Player:
         return self._replaying.health
 
     @property
-    def src(self) -> str:
-        """The bus it was recorded from."""
-        return self._replaying.src
+    def info(self) -> StreamInfo:
+        """The chip where it is."""
+        return self._replaying.source.info
 
     @property
     def measured_rate_hz(self) -> float | None:
@@ -287,7 +289,7 @@ class Player:
         if attitude is None:
             return
         before, self._before = self._before, None
-        self._give(Played(attitude, self.src, before))
+        self.give(Played(attitude, self.info.src, before))
 
     def _reaches(self, end_ns: int) -> bool:
         """Whether there is a drain before the recorded time `end_ns`."""

@@ -58,7 +58,7 @@ class HasFiles(Protocol):
 class HasPast(Protocol):
     """An ability that can go elsewhere in time, and knows what was before that."""
 
-    def past(self) -> Iterable[Message]:
-        """Messages of the ten minutes before the next one, oldest first, ten a second are enough; asked for when time
-        has jumped."""
+    def past(self, message: Message) -> Iterable[Message] | None:
+        """Asked with each message before it is seen: None where it follows the one before; else time has jumped to it,
+        and these were up to ten minutes before it, oldest first, ten a second are enough."""
         ...

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
@@ -103,6 +103,7 @@ class WebPage:
         self._heartbeat_s = heartbeat_s
         self._lateness = lateness
         self._by_name: dict[str, Ability] = {}
+        self._with_past: list[tuple[Ability, Callable[[Message], Iterable[Message] | None]]] = []
         self._states: dict[str, bytes] = {}
         self._mistaken: set[str] = set()
         self._history = History()
@@ -155,10 +156,12 @@ class WebPage:
     def begin(self) -> None:
         """Take the abilities that there are from here on."""
         self._by_name = {ability.name: ability for ability in self._abilities}
+        self._with_past = [(ability, ability.past) for ability in self._abilities if isinstance(ability, HasPast)]
 
     def write(self, message: Message) -> bool:
-        if self._has_jumped(message):
-            self._begin_anew()
+        past = self._past_of(message)
+        if past is not None or self._has_jumped(message):
+            self._begin_anew(past or ())
         self._last_ns = message.t_ns
         for ability in self._by_name.values():
             self._guarded(ability, partial(ability.see, message))
@@ -229,18 +232,17 @@ class WebPage:
         last_ns = self._last_ns
         return last_ns is not None and (message.t_ns <= last_ns or message.t_ns - message.gap_ns - last_ns > JUMP_NS)
 
-    def _begin_anew(self) -> None:
+    def _past_of(self, message: Message) -> Iterable[Message] | None:
+        pasts = (self._guarded(ability, partial(past, message)) for ability, past in self._with_past)
+        return next((past for past in pasts if past is not None), None)
+
+    def _begin_anew(self, past: Iterable[Message]) -> None:
         """Time has jumped: what was before is no past of what comes."""
         self._thinning = Thinning(rate_hz=self._settings.rate_hz)
         self._history.clear()
-        for ability in self._by_name.values():
-            if isinstance(ability, HasPast):
-                self._guarded(ability, partial(self._take_past, ability))
-        self.viewers.send(self._history.frame())
-
-    def _take_past(self, ability: HasPast) -> None:
-        for message in ability.past():
+        for message in past:
             self._history.add(message)
+        self.viewers.send(self._history.frame())
 
     async def _tick(self) -> None:
         looked = 0
