@@ -45,7 +45,6 @@ async def asked(url: str) -> dict[str, object]:
         async with session.get(url) as page:
             seen["page"] = page.status, await page.text()
         async with session.ws_connect(f"{url}/live", headers={"Origin": url}) as live:
-
             newest: dict[str, dict[str, object]] = {}
 
             async def until(kind: str) -> dict[str, object]:
