@@ -7,7 +7,7 @@ import os
 import signal
 import stat
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from importlib.metadata import version
 from math import isinf
@@ -38,6 +38,7 @@ from quavelet.settings.service import NAME
 from quavelet.sinks.encodings.wall_time import offset_from
 from quavelet.sinks.mcap_file import McapFile
 from quavelet.sinks.message import Message
+from quavelet.web.ability import Ability
 
 MCAP = "mcap"
 
@@ -89,10 +90,12 @@ def run_live(
     mcap: Path | None = None,
     load: Callable[[], Settings] | None = None,
     name: str = "imu",
+    abilities: Callable[[Service], Sequence[Ability]] = lambda _service: (),
 ) -> int:
     """Run the service and tell what came of it; returns the exit code. Raises ImuError.
 
     load reads the settings again on SIGHUP; on a terminal that signal ends the program, as its window was closed.
+    abilities are those of the page, beside the service's own.
     """
     for warning in settings.chip.warnings():
         talk(f"note: {warning}")
@@ -110,6 +113,7 @@ def run_live(
         load=load,
         environ=os.environ,
     )
+    service.abilities += abilities(service)
     if service.watchdog.wanted:
         # What hung when the watchdog ended it (SIGABRT) stands in the journal.
         faulthandler.enable()
