@@ -6,7 +6,7 @@ import stat
 
 import aiohttp
 import pytest
-from web_rig import ANYWHERE, Filing, Noting, Rig, run, token_in
+from web_rig import ANYWHERE, HERE, Filing, Noting, Rig, run, token_in
 
 from quavelet.core.errors import SettingsError
 from quavelet.settings import WebSettings
@@ -293,12 +293,20 @@ def test_every_answer_has_the_headers_that_shut_the_page_in():
             assert one["content-security-policy"] == POLICY
             assert one["x-content-type-options"] == "nosniff"
             assert one["referrer-policy"] == "no-referrer"
-            assert one["cross-origin-opener-policy"] == one["cross-origin-resource-policy"] == "same-origin"
+            assert one["cross-origin-resource-policy"] == "same-origin"
             assert one["server"] == "quavelet"
         codes = [answer.code for answer in answers]
         assert codes == [200, 404, 200, 405, 405, 405, 403, 426, 403, 400, 400]
 
     run(scenario)
+
+
+@pytest.mark.parametrize(("listen", "policy"), [(HERE, "same-origin"), (ANYWHERE, None)])
+def test_a_header_that_browsers_complain_of_without_tls_is_sent_on_this_machine_only(listen, policy):
+    async def scenario(rig: Rig) -> None:
+        assert (await rig.ask("/")).headers.get("cross-origin-opener-policy") == policy
+
+    run(scenario, listen=listen)
 
 
 def headers_of(whole: bytes) -> dict[str, str]:

@@ -23,7 +23,6 @@ HEADERS: Mapping[str, str] = {
         "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self'; "
         "form-action 'self'; base-uri 'none'; frame-ancestors 'none'"
     ),
-    "Cross-Origin-Opener-Policy": "same-origin",
     "Cross-Origin-Resource-Policy": "same-origin",
     "Referrer-Policy": "no-referrer",
     "X-Content-Type-Options": "nosniff",
@@ -31,6 +30,8 @@ HEADERS: Mapping[str, str] = {
     "Server": "quavelet",
 }
 """On every answer."""
+ALONE = ("Cross-Origin-Opener-Policy", "same-origin")
+"""On this machine, too; a browser heeds it there and over TLS only, and complains of it elsewhere."""
 
 
 class Access:

@@ -18,7 +18,7 @@ import msgspec
 from aiohttp import WebSocketError, WSCloseCode, WSMsgType, web
 
 from quavelet.sinks.listener import Listener, tcp_sockets
-from quavelet.web.access import HEADERS, Access
+from quavelet.web.access import ALONE, HEADERS, Access
 from quavelet.web.assets import INDEX, LOGIN, Asset
 from quavelet.web.viewers import Viewer
 
@@ -104,6 +104,8 @@ class Server:
         transport = request.transport
         answer = await self._answer(request)
         if isinstance(answer, web.Response):
+            if not self._access.token:
+                answer.headers.add(*ALONE)
             try:
                 async with asyncio.timeout(self._patience_s):
                     await answer.prepare(request)
