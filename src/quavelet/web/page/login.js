@@ -26,10 +26,13 @@ form.addEventListener("submit", (event) => {
   enter(field.value.trim());
 });
 
-const given = new URLSearchParams(location.hash.slice(1)).get("token");
-if (given) {
-  history.replaceState(null, "", location.pathname); // it does not stay in the address bar, nor in the history
-  enter(given);
-} else {
-  field.focus();
+/** The token that the program printed, behind the address; it does not stay there, nor in the history. */
+function take() {
+  const given = new URLSearchParams(location.hash.slice(1)).get("token");
+  if (!given) return field.focus();
+  history.replaceState(null, "", location.pathname);
+  return enter(given);
 }
+
+addEventListener("hashchange", take);
+take();

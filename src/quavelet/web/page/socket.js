@@ -1,7 +1,7 @@
 // The one websocket: reconnects by itself, knows how the server's clock stands to this one, and notices silence.
 
 const FIRST_MS = 250;
-const LONGEST_MS = 8000;
+const LONGEST_MS = 4000;
 const SILENT_MS = 5000; // status comes every second
 const PING_MS = 2000;
 
