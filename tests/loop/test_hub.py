@@ -18,11 +18,16 @@ class ListSink:
         self.items: list[int] = []
         self.closed = threading.Event()
         self.had_four = threading.Event()
+        self._had_any = threading.Event()
 
     def write(self, item: int) -> None:
         self.items.append(item)
+        self._had_any.set()
         if item == 4:
             self.had_four.set()
+
+    def had_one(self) -> bool:
+        return self._had_any.wait(BOUND_S)
 
     def close(self) -> None:
         self.closed.set()
@@ -257,3 +262,90 @@ def test_a_name_twice_and_a_queue_without_room_are_refused(hub: Hub[int]) -> Non
         hub.subscribe("a", ListSink())
     with pytest.raises(SettingsError, match="at least 1"):
         hub.subscribe("b", ListSink(), depth=0)
+
+
+def test_who_is_unsubscribed_writes_what_is_queued_and_closes_and_nobody_waits_for_it(hub: Hub[int]) -> None:
+    leaving, staying = GatedSink(), ListSink()
+    hub.subscribe("leaving", leaving)
+    hub.subscribe("staying", staying)
+    for item in range(5):
+        hub.publish(item)
+    assert leaving.entered.wait(BOUND_S)
+    # It is stuck: were either to wait for it, the test would not end.
+    hub.unsubscribe("leaving")
+    hub.publish(5)
+    assert not leaving.closed.is_set()
+    assert [s.name for s in hub.stats()] == ["staying"]
+    leaving.gate.set()
+    assert leaving.closed.wait(BOUND_S)
+    assert leaving.items == [0, 1, 2, 3, 4]
+    hub.close(BOUND_S)
+    assert staying.items == [0, 1, 2, 3, 4, 5]
+
+
+def test_the_name_of_who_was_unsubscribed_is_free_at_once_and_none_but_a_subscriber_can_be(hub: Hub[int]) -> None:
+    first, second = GatedSink(), ListSink()
+    hub.subscribe("page", first)
+    hub.publish(1)
+    hub.unsubscribe("page")
+    with pytest.raises(SettingsError, match="none of that name"):
+        hub.unsubscribe("page")
+    hub.subscribe("page", second)
+    hub.publish(2)
+    first.gate.set()
+    hub.close(BOUND_S)
+    assert (first.items, second.items) == ([1], [2])
+
+
+def test_a_hub_that_is_closed_waits_for_who_was_unsubscribed_just_before() -> None:
+    sink = GatedSink()
+    with Hub[int]() as hub:
+        hub.subscribe("page", sink)
+        hub.publish(1)
+        hub.publish(2)
+        assert sink.entered.wait(BOUND_S)
+        hub.unsubscribe("page")
+        threading.Timer(0.05, sink.gate.set).start()
+    assert sink.items == [1, 2]
+    assert sink.closed.is_set()
+
+
+def test_a_publisher_that_waits_for_room_is_let_go_by_the_unsubscribe(hub: Hub[int]) -> None:
+    sink = GatedSink()
+    hub.subscribe("page", sink, depth=1, policy=Policy.WAIT)
+    hub.publish(1)
+    assert sink.entered.wait(BOUND_S)
+    publisher = threading.Thread(target=lambda: [hub.publish(item) for item in (2, 3, 4)])
+    publisher.start()
+    hub.unsubscribe("page")
+    publisher.join(BOUND_S)
+    assert not publisher.is_alive()
+    sink.gate.set()
+    assert sink.closed.wait(BOUND_S)
+    assert sink.items[0] == 1
+
+
+def test_a_publisher_that_never_pauses_goes_on_while_others_come_and_go(hub: Hub[int]) -> None:
+    sinks = [ListSink() for _ in range(50)]
+    done = threading.Event()
+
+    def publish() -> None:
+        item = 0
+        while not done.is_set():
+            hub.publish(item)
+            item += 1
+
+    publisher = threading.Thread(target=publish)
+    publisher.start()
+    try:
+        for sink in sinks:
+            hub.subscribe("page", sink, depth=10_000)
+            assert sink.had_one()
+            hub.unsubscribe("page")
+    finally:
+        done.set()
+        publisher.join(BOUND_S)
+    for sink in sinks:
+        assert sink.closed.wait(BOUND_S)
+        # Some may have been dropped, the thread being slower; none comes twice, nor out of order.
+        assert sink.items == sorted(set(sink.items))

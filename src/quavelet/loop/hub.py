@@ -68,6 +68,7 @@ class Hub(Generic[T]):
 
     def __init__(self) -> None:
         self._subscribers: tuple[_Subscriber[T], ...] = ()
+        self._leaving: tuple[_Subscriber[T], ...] = ()
         self._lock = threading.Lock()
         self._closed = False
 
@@ -87,6 +88,20 @@ class Hub(Generic[T]):
             # A new tuple each time: the publisher goes through it without the lock.
             self._subscribers = (*self._subscribers, subscriber)
             subscriber.thread.start()
+
+    def unsubscribe(self, name: str) -> None:
+        """Let the sink write what is queued and close, and have nothing more; its name is free again.
+
+        Returns at once; what is left of it at `close` is waited for then. Raises SettingsError where there is none of
+        that name.
+        """
+        with self._lock:
+            found = next((s for s in self._subscribers if s.name == name), None)
+            if found is None:
+                raise SettingsError(f"output {name}: there is none of that name")
+            self._subscribers = tuple(s for s in self._subscribers if s is not found)
+            self._leaving = (*(s for s in self._leaving if s.thread.is_alive()), found)
+            found.finish()
 
     def publish(self, item: T) -> None:
         """Queue the item for every subscriber; waits only for those with `Policy.WAIT`. Ignored after `close`."""
@@ -108,10 +123,11 @@ class Hub(Generic[T]):
         """Let each sink write what is queued and close, all within `timeout_s`; give up on those that do not."""
         with self._lock:
             self._closed = True
-        for subscriber in self._subscribers:
+            ending = (*self._subscribers, *self._leaving)
+        for subscriber in ending:
             subscriber.finish()
         deadline_s = time.monotonic() + timeout_s
-        for subscriber in self._subscribers:
+        for subscriber in ending:
             subscriber.thread.join(max(0.0, deadline_s - time.monotonic()))
             if subscriber.thread.is_alive():
                 subscriber.give_up(TimeoutError(f"did not finish within {timeout_s:g} s"))
