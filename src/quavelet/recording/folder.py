@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import os
 import re
@@ -20,6 +21,27 @@ BEGINS = {SUFFIX: MAGIC, mcap.SUFFIX: mcap.MAGIC}
 """How a recording begins, by how its name ends."""
 
 _STAMP = "%Y%m%dT%H%M%SZ"
+
+
+def names_of(name: str) -> re.Pattern[str]:
+    """What the names of a service's recordings are like; the first group is the number."""
+    endings = "|".join(map(re.escape, BEGINS))
+    return re.compile(rf"{re.escape(name)}-(\d{{6,}})-\d{{8}}T\d{{6}}Z({endings})", re.ASCII)
+
+
+def delete_ended(path: Path) -> None:
+    """Delete a recording that nobody is writing. Raises OSError where it cannot be, BlockingIOError where somebody is,
+    FileExistsError where it is something else."""
+    # Not waiting: by that name there could be a pipe by this time.
+    number = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+    try:
+        begins = BEGINS[path.suffix]
+        if not begins.startswith(os.read(number, len(begins))):
+            raise FileExistsError(errno.EEXIST, "it is no recording", str(path))
+        fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        path.unlink()
+    finally:
+        os.close(number)
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,8 +69,7 @@ class RecordingFolder:
         self.deleted = 0
         self._name = name
         self._suffix = suffix
-        endings = "|".join(map(re.escape, BEGINS))
-        self._pattern = re.compile(rf"{re.escape(name)}-(\d{{6,}})-\d{{8}}T\d{{6}}Z({endings})", re.ASCII)
+        self._pattern = names_of(name)
         self._total_bytes = total_bytes
         self._keep_free_bytes = keep_free_bytes
         self._last = 0
@@ -114,23 +135,12 @@ class RecordingFolder:
     def _delete(self, file: _Kept) -> bool:
         """Whether it is gone. What cannot be deleted still counts as used, and is tried again after the next scan."""
         try:
-            # Not waiting: by that name there could be a pipe by this time.
-            number = os.open(file.path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+            delete_ended(file.path)
         except FileNotFoundError:
             self.used_bytes -= file.size
             return True
         except OSError:
             return False
-        try:
-            begins = BEGINS[file.path.suffix]
-            if not begins.startswith(os.read(number, len(begins))):
-                return False
-            fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            file.path.unlink()
-        except OSError:
-            return False
-        finally:
-            os.close(number)
         self.used_bytes -= file.size
         self.deleted += 1
         return True

@@ -29,7 +29,9 @@ class RotatingRecorder:
     either may be stepped. `name` begins the files' names (see `RecordingFolder`).
 
     calibration      is asked for the text of the calibration's file in use, as each file begins
-    current_stream   is asked for the stream where a queue that overflowed has lost its StreamInfo
+    current_stream   is asked for the stream where none was seen to begin: the queue overflowed and has lost its
+                     StreamInfo, or the recorder joins in the middle of one
+    joins            it does; what went before its first drain is not missed
     """
 
     def __init__(
@@ -42,6 +44,7 @@ class RotatingRecorder:
         clock: Clock,
         tell: Callable[[str], None],
         fsync_s: float = 0.0,
+        joins: bool = False,
         utc_now: Callable[[], datetime] = lambda: datetime.now(UTC),
     ) -> None:
         self.calibration: Callable[[], str] = str
@@ -66,6 +69,7 @@ class RotatingRecorder:
         self._writer: RecordingWriter | None = None
         self._info: StreamInfo | None = None
         self._expected = 0
+        self._joins = joins
 
     def stats(self) -> RotationStats:
         """May be asked from any thread."""
@@ -78,6 +82,10 @@ class RotatingRecorder:
             return
         if item.seq < self._expected:
             self._take_stream(self.current_stream())
+        elif self._info is None:
+            self._info = self.current_stream()
+        if self._joins:
+            self._joins, self._expected = False, item.seq
         self._rotation.missed += item.seq - self._expected
         self._expected = item.seq + 1
         if self._info is None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from importlib.metadata import version
+from pathlib import Path
 
 from quavelet.core.clock import Clock
 from quavelet.core.paths import expanded
@@ -48,14 +49,29 @@ def recorder_for(
             fsync_s=recording.fsync_s,
             utc_now=time_of_day.utc,
         )
+    return drain_recorder(directory, settings=settings, name=name, clock=clock, time_of_day=time_of_day, tell=tell)
+
+
+def drain_recorder(
+    directory: Path,
+    *,
+    settings: Settings,
+    name: str,
+    clock: Clock,
+    time_of_day: TimeOfDay,
+    tell: Callable[[str], None],
+    joins: bool = False,
+) -> RotatingRecorder:
+    """A recorder of what the chip gave, within the bounds of [recording]."""
     return RotatingRecorder(
         directory,
         name=name,
-        bounds=Bounds.of(recording),
+        bounds=Bounds.of(settings.recording),
         settings=settings,
         clock=clock,
         tell=tell,
-        fsync_s=recording.fsync_s,
+        fsync_s=settings.recording.fsync_s,
+        joins=joins,
         utc_now=time_of_day.utc,
     )
 

@@ -24,6 +24,7 @@ from quavelet.recording.recorder import RotatingRecorder
 from quavelet.recording.rotation import RotationStats
 from quavelet.recording.writer import RecordingWriter
 from quavelet.service import host, recordings
+from quavelet.service.abilities import abilities_of
 from quavelet.service.continuity import Continuity, continuity_for
 from quavelet.service.notify import Notify
 from quavelet.service.outputs import STDOUT, Outputs
@@ -91,6 +92,7 @@ class Service:
         self.policy = Policy.LOSE_OLDEST if realtime else Policy.WAIT
         self.watchdog = Watchdog(notify or Notify(), clock=clock)
         self._environ = environ or {}
+        self.abilities += abilities_of(self, environ=self._environ)
         self._began_ns = monotonic_ns()
         self._read_ns = 0
         self.outputs = Outputs(
@@ -115,6 +117,7 @@ class Service:
         self._writer: RecordingWriter | None = None
         self._stopped = False
         self._is_punctual = False
+        self._threads_begun = False
         self._reload_asked = False
         self._reading: Reading | None = None
         self._missing = "", 0
@@ -139,6 +142,16 @@ class Service:
     def reload(self) -> None:
         """Read the settings again, and put in force what can be; safe from a signal handler."""
         self._reload_asked = True
+
+    def threads_begun(self) -> None:
+        """Something has begun a thread, which is to be kept running as the others are; safe from any thread."""
+        self._threads_begun = True
+
+    def asked_by(self, recorder: RotatingRecorder) -> RotatingRecorder:
+        """The recorder, that asks this service for what it has to know."""
+        recorder.calibration = self._calibration_text
+        recorder.current_stream = lambda: self.imu.source.info if self.imu else None
+        return recorder
 
     def run(self, *, until_ns: int | None = None) -> None:
         """Until `until_ns` of the clock, for ever where it is None, or `stop`, or the end of standard output.
@@ -206,6 +219,7 @@ class Service:
                 self.continuity.lost()
             self.time_of_day.look()
             self._heed_reload()
+            self._heed_threads()
 
     def _words(self) -> str:
         """The attitude and how the samples come, for a status line."""
@@ -238,6 +252,12 @@ class Service:
         if self._missing[0]:
             self._missing = "", 0
             self.talk(f"the chip on {imu.bus.name} gives samples")
+
+    def _heed_threads(self) -> None:
+        if self._threads_begun:
+            self._threads_begun = False
+            if self._is_punctual:
+                keep_others_running()
 
     def _heed_reload(self) -> None:
         """One step of what was asked for; the reading itself is done on another thread."""
@@ -334,9 +354,9 @@ class Service:
             sink = McapFile(self.recorder)
             self.messages.subscribe(recordings.NAME, sink, depth=recordings.DEPTH, policy=self.policy)
         elif self.recorder is not None:
-            self.recorder.calibration = self._calibration_text
-            self.recorder.current_stream = lambda: self.imu.source.info if self.imu else None
-            self.records.subscribe(recordings.NAME, self.recorder, depth=recordings.DEPTH, policy=self.policy)
+            self.records.subscribe(
+                recordings.NAME, self.asked_by(self.recorder), depth=recordings.DEPTH, policy=self.policy
+            )
         stack.callback(self.records.close)
 
     def _open_chip(self, wires: ExitStack) -> Imu:

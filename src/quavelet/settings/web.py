@@ -22,8 +22,8 @@ class WebSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
                  $STATE_DIRECTORY, else none
     viewers      at most so many at once
     rate_hz      at most so many messages a second go to each
-    recordings   the directory of what is recorded from the page; "": it cannot be. "auto": that of [recording], else
-                 $STATE_DIRECTORY, else the working directory of the program
+    recordings   the directory of what is recorded from the page, within the bounds of [recording]; "": it cannot be.
+                 "auto": recordings in systemd's $STATE_DIRECTORY, else ~/.local/state/quavelet/recordings
     """
 
     listen: str = ""
