@@ -18,8 +18,8 @@ export function doing(/** @type {any} */ live, ability, what, title, { kind = ""
   return button;
 }
 
-/** Before the first samples there is no file. @param {any} s */
-const isNew = (s) => s.since_ns === null || s.since_ns === undefined;
+/** Not begun by hand, and not to be ended by it. @param {any} s */
+const isAlways = (s) => s.since_ns === null || s.since_ns === undefined;
 
 export class Zero {
   constructor(live) {
@@ -65,7 +65,7 @@ export class Record {
     this._start.hidden = state.recording;
     this._start.disabled = Boolean(state.why);
     this._stop.hidden = !state.recording;
-    this._stop.disabled = isNew(state);
+    this._stop.disabled = isAlways(state);
     this._count();
     const ended = (state.files ?? []).filter((/** @type {any} */ f) => f.ended);
     const text = JSON.stringify(ended);
@@ -79,7 +79,7 @@ export class Record {
     if (!s) return;
     if (!s.recording) return setText(this._says, s.why || "What is read from the chip, byte for byte; quavelet replay plays it.");
     const offset_ms = this._live.offset_ms;
-    if (isNew(s) || !s.file) return setText(this._says, s.why || "It begins with the next samples.");
+    if (isAlways(s) || !s.file) return setText(this._says, s.why || "It begins with the next samples.");
     const for_s = offset_ms === null ? 0 : (performance.now() + offset_ms) / 1000 - s.since_ns / 1e9;
     setText(this._says, `Recording ${s.file}: ${duration(Math.max(0, for_s))}, ${size(s.bytes)}.${s.why ? ` ${s.why}` : ""}`);
   }
