@@ -20,7 +20,7 @@ def needed(settings: Settings) -> dict[str, str]:
     found = {}
     ways = {output.destination.way for output in settings.output.values()}
     if settings.service.metrics or settings.web.listen or not ways <= {"stdout", "unix"}:
-        found[NETWORK] = "the settings have outputs over the network"
+        found[NETWORK] = "the settings have outputs over the network, or the page"
     label = settings.bus.int_line.rpartition(":")[0]
     if label not in ("", "fake"):
         found[GPIO] = f"the settings have a data-ready line at {label}"
