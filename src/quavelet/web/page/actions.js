@@ -1,6 +1,6 @@
 // What can be done with the running program: yaw from here, and recordings.
 
-import { byId, duration, make, setText, size } from "./dom.js";
+import { byId, duration, known, make, setText, size } from "./dom.js";
 import { told } from "./says.js";
 
 const SURE_MS = 4000;
@@ -18,9 +18,6 @@ export function doing(/** @type {any} */ live, ability, what, title, { kind = ""
   return button;
 }
 
-/** Not begun by hand, and not to be ended by it. @param {any} s */
-const isAlways = (s) => s.since_ns === null || s.since_ns === undefined;
-
 export class Zero {
   constructor(live) {
     this.place = byId("zero");
@@ -36,7 +33,7 @@ export class Zero {
     this.place.hidden = false;
     const at = state.zeroed_deg;
     this._now.disabled = !state.possible;
-    this._undo.hidden = at === null || at === undefined;
+    this._undo.hidden = !known(at);
     setText(
       this._why,
       state.why || (this._undo.hidden ? "It counts from the start of the program." : `It was set to zero; by itself it would read ${at.toFixed(1)}° more.`),
@@ -65,7 +62,7 @@ export class Record {
     this._start.hidden = state.recording;
     this._start.disabled = Boolean(state.why);
     this._stop.hidden = !state.recording;
-    this._stop.disabled = isAlways(state);
+    this._stop.disabled = !known(state.since_ns);
     this._count();
     const ended = (state.files ?? []).filter((/** @type {any} */ f) => f.ended);
     const text = JSON.stringify(ended);
@@ -79,7 +76,7 @@ export class Record {
     if (!s) return;
     if (!s.recording) return setText(this._says, s.why || "What is read from the chip, byte for byte; quavelet replay plays it.");
     const offset_ms = this._live.offset_ms;
-    if (isAlways(s) || !s.file) return setText(this._says, s.why || "It begins with the next samples.");
+    if (!known(s.since_ns) || !s.file) return setText(this._says, s.why || "It begins with the next samples.");
     const for_s = offset_ms === null ? 0 : (performance.now() + offset_ms) / 1000 - s.since_ns / 1e9;
     setText(this._says, `Recording ${s.file}: ${duration(Math.max(0, for_s))}, ${size(s.bytes)}.${s.why ? ` ${s.why}` : ""}`);
   }

@@ -3,7 +3,7 @@
 import { Record, Zero } from "./actions.js";
 import { BoardView } from "./board_view.js";
 import { Calibration } from "./calibration.js";
-import { byId, duration, setText } from "./dom.js";
+import { byId, clock, duration, known, setText, units } from "./dom.js";
 import { Faults } from "./faults.js";
 import { Health } from "./health.js";
 import { Lateness } from "./lateness.js";
@@ -91,23 +91,25 @@ function look() {
   const now_ms = performance.now();
   const silent_ms = now_ms - fresh_ms;
   const play = abilities.play?.state;
-  const resting = Boolean(link.up && play && (play.paused || play.ended));
+  const seeking = Boolean(link.up && play && known(play.wanted_s));
+  const resting = Boolean(link.up && play && !seeking && (play.paused || play.ended));
   stale = !resting && silent_ms > STALE_MS;
   document.body.classList.toggle("stale", stale);
   document.body.classList.toggle("paused", resting);
-  const since = Number.isFinite(silent_ms) ? `no data for ${duration(silent_ms / 1000)}` : "no data yet";
+  const reading = seeking ? `${clock(play.wanted_s)} is not read yet` : "";
+  const since = reading || (Number.isFinite(silent_ms) ? `no data for ${duration(silent_ms / 1000)}` : "no data yet");
   const again_s = Math.ceil((link.again_at_ms - now_ms) / 1000);
   const why = !link.up
     ? `${link.why || `No connection to quavelet at ${location.host}.`} ${again_s > 0 ? `Trying again in ${again_s} s.` : "Trying again."}`
-    : health.trouble || "quavelet is there, but gives no attitude.";
+    : seeking ? `The recording is read from its beginning; it is known up to ${clock(play.known_s)}.` : health.trouble || "quavelet is there, but gives no attitude.";
   byId("veil").hidden = !stale || (fresh_ms === -Infinity && now_ms < TOLD_MS);
   if (stale) {
     setText(byId("veil-what"), since);
-    setText(byId("veil-why"), ` ${why}${link.up && health.remedy ? ` ${health.remedy}` : ""}`);
+    setText(byId("veil-why"), units(` ${why}${link.up && !seeking && health.remedy ? ` ${health.remedy}` : ""}`));
   }
   const [level, text] = !link.up
     ? [fresh_ms === -Infinity ? "idle" : "bad", fresh_ms === -Infinity ? "connecting" : "connection lost"]
-    : stale ? ["bad", "no data"] : resting ? ["idle", play.ended ? "ended" : "paused"] : play ? ["good", "playing"] : ["good", "live"];
+    : seeking ? ["idle", "seeking"] : stale ? ["bad", "no data"] : resting ? ["idle", play.ended ? "ended" : "paused"] : play ? ["good", "playing"] : ["good", "live"];
   byId("link").dataset.level = level;
   setText(byId("link-text"), text);
   if (stale && !told && silent_ms > TOLD_MS && fresh_ms > 0) {

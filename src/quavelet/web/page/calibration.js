@@ -2,7 +2,7 @@
 
 import { BoardPlain } from "./board_plain.js";
 import { doing } from "./actions.js";
-import { byId, make, setText, signed } from "./dom.js";
+import { byId, make, setText, signed, units } from "./dom.js";
 import { polite } from "./says.js";
 import { View } from "./view.js";
 
@@ -72,8 +72,8 @@ export class Calibration {
       setText(line.children[2], at ? units(view.status) : s.progress >= 1 ? "done" : "");
     });
     const instruction = view.instruction || "All is measured.";
-    if (instruction !== this._instruction.textContent) polite(instruction);
-    setText(this._instruction, instruction);
+    if (units(instruction) !== this._instruction.textContent) polite(instruction);
+    setText(this._instruction, units(instruction));
     setText(this._notice, units(view.notice ?? ""));
     const needs = view.needs_s || 0;
     this._still.hidden = !needs;
@@ -116,6 +116,3 @@ export class Calibration {
     );
   }
 }
-
-/** @param {string} text */
-const units = (text) => text.replaceAll("degC", "°C");

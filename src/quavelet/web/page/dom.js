@@ -52,6 +52,12 @@ export function duration(seconds) {
   return `${Math.floor(seconds / 86400)} days`;
 }
 
+/** Neither null nor left out. @param {unknown} value */
+export const known = (value) => value !== null && value !== undefined;
+
+/** The program writes units in ASCII; here they are as people write them. @param {string} text */
+export const units = (text) => text.replaceAll("degC", "°C").replaceAll("deg/s", "°/s").replace(/(\d) deg\b/g, "$1°");
+
 /** Minutes and seconds as a player shows them. @param {number} seconds */
 export function clock(seconds) {
   const whole = Math.max(0, Math.floor(seconds));

@@ -1,6 +1,6 @@
 // Faults of the fake chip: put one in, watch it being noticed and recovered.
 
-import { byId, make, setText } from "./dom.js";
+import { byId, known, make, setText, units } from "./dom.js";
 import { doing } from "./actions.js";
 import { polite } from "./says.js";
 
@@ -26,7 +26,7 @@ export class Faults {
     this.empty = !about?.faults?.length;
     this._buttons.replaceChildren(
       ...(about?.faults ?? []).map((/** @type {any} */ f) => {
-        const button = doing(this._live, "fault", "inject", f.title, { kind: "fault-button", values: () => ({ name: f.name }) });
+        const button = doing(this._live, "fault", "inject", units(f.title), { kind: "fault-button", values: () => ({ name: f.name }) });
         button.title = f.text ?? "";
         return button;
       }),
@@ -61,14 +61,11 @@ function one(f) {
   return make(
     "li",
     { "data-level": level },
-    make("strong", {}, f.title),
-    make("span", {}, f.says || `${noticed}${recovered}`),
+    make("strong", {}, units(f.title)),
+    make("span", {}, units(f.says || `${noticed}${recovered}`)),
     how && !f.says ? make("span", { class: "note" }, `by ${how}`) : null,
   );
 }
-
-/** @param {number|null|undefined} value */
-const known = (value) => value !== null && value !== undefined;
 
 /** @param {number} value */
 const ms = (value) => (value < 1000 ? `${value < 10 ? value.toFixed(1) : Math.round(value)} ms` : `${(value / 1000).toFixed(1)} s`);

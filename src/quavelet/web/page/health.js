@@ -1,6 +1,6 @@
 // How chip, bus and program are: sentences of the server, what and what to do, and the figures behind them.
 
-import { byId, duration, make, setText } from "./dom.js";
+import { byId, duration, make, setText, units } from "./dom.js";
 import { assertive, polite } from "./says.js";
 
 const MARK = { good: "✓", warn: "!", bad: "✕" };
@@ -84,6 +84,6 @@ function sentence(word) {
     "li",
     { "data-level": word.level },
     make("span", { class: "mark-of", "aria-hidden": "true" }, MARK[word.level] ?? "·"),
-    make("p", {}, make("span", { class: "unseen" }, `${SEEN[word.level] ?? word.level}: `), make("strong", {}, word.what), word.do ? make("span", { class: "do" }, word.do) : null),
+    make("p", {}, make("span", { class: "unseen" }, `${SEEN[word.level] ?? word.level}: `), make("strong", {}, units(word.what)), word.do ? make("span", { class: "do" }, units(word.do)) : null),
   );
 }

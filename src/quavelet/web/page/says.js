@@ -1,16 +1,22 @@
 // What is said to the viewer: short notices that go by themselves, and live regions for a screen reader.
 
-import { byId, make } from "./dom.js";
+import { byId, make, units } from "./dom.js";
 
 const STAYS_MS = 6000;
 const LINES = 60;
 
 /** The answer to something that was done here. @param {{ok: boolean, text: string}} answer */
 export function told(answer) {
-  const toast = make("p", { class: "toast", "data-level": answer.ok ? "good" : "bad" }, answer.text);
+  const toast = make("p", { class: "toast", "data-level": answer.ok ? "good" : "bad" }, sentence(answer.text));
   byId("toasts").append(toast);
   setTimeout(() => toast.remove(), answer.ok ? STAYS_MS : 2 * STAYS_MS);
   while (byId("toasts").childElementCount > 3) byId("toasts").firstElementChild?.remove();
+}
+
+/** With a capital and a stop, units as people write them. @param {string} text */
+function sentence(text) {
+  const said = units(text.trim());
+  return said.charAt(0).toUpperCase() + said.slice(1) + (/[.!?]$/.test(said) ? "" : ".");
 }
 
 /** A change of state, when the reader has time. @param {string} text */
