@@ -181,7 +181,7 @@ def test_broken_frames_close_the_socket_and_nothing_else():
                 stranger = await deaf(rig)
                 await asyncio.get_running_loop().sock_sendall(stranger, bad)
                 stranger.close()
-            assert await eventually(lambda: len(rig.page.viewers) == 1)
+                assert await eventually(lambda: len(rig.page.viewers) == 1)
             rig.message()
             await other.until("message")
 

@@ -90,18 +90,13 @@ class Server:
         if self.connections >= MOST_CONNECTIONS:
             self._refused["connections"] += 1
             return _TurnedAway()
-        return _Connection(
-            self._http,
-            loop=asyncio.get_running_loop(),
-            access_log=_NO_LOG,
-            logger=log,
-            keepalive_timeout=self._patience_s,
-            lingering_time=0.0,
-        )
+        return _Connection(self._http, patience_s=self._patience_s)
 
     async def _handle(self, request: web.BaseRequest) -> web.StreamResponse:
         """Answer, and see to it that the answer is taken: what waits for it holds a place."""
         transport = request.transport
+        if isinstance(request.protocol, _Connection):
+            request.protocol.asked()
         answer = await self._answer(request)
         if isinstance(answer, web.Response):
             if not self._access.token:
@@ -283,9 +278,36 @@ class Server:
 
 
 class _Connection(web.RequestHandler):
-    """One that says what is wrong in our words only, and with our headers."""
+    """One that says what is wrong in our words only, and with our headers, and ends where nothing is asked."""
 
-    __slots__ = ()
+    __slots__ = ("_patience", "_patience_s")
+
+    def __init__(self, manager: web.Server, *, patience_s: float) -> None:
+        super().__init__(
+            manager,
+            loop=asyncio.get_running_loop(),
+            access_log=_NO_LOG,
+            logger=log,
+            keepalive_timeout=patience_s,
+            lingering_time=0.0,
+        )
+        self._patience_s = patience_s
+        self._patience: asyncio.TimerHandle | None = None
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        super().connection_made(transport)
+        # Not each aiohttp waits for the first request only so long.
+        self._patience = asyncio.get_running_loop().call_later(self._patience_s, self.force_close)
+
+    def asked(self) -> None:
+        """A request is there."""
+        if self._patience is not None:
+            self._patience.cancel()
+            self._patience = None
+
+    def connection_lost(self, exc: BaseException | None) -> None:
+        self.asked()
+        super().connection_lost(exc)
 
     def handle_error(
         self,
