@@ -18,6 +18,7 @@ export class Lateness {
   show(frame) {
     this._lateness = frame.lateness;
     const loop = frame.s.loop;
+    this._canvas.closest("section")?.toggleAttribute("hidden", !loop.ticks); // a player has no deadlines
     setText(
       byId("lateness-text"),
       `half within ${us(loop.lateness_p50_ns / 1e3)}, 99 % within ${us(loop.lateness_p99_ns / 1e3)}, latest ${us(loop.lateness_max_ns / 1e3)}; ` +
