@@ -38,7 +38,9 @@ def read_assets(folder: Path = PAGE) -> Mapping[str, Asset]:
     found = {}
     for path in sorted(folder.rglob("*")):
         content_type = TYPES.get(path.suffix)
-        if content_type and path.is_file():
+        # A developer's, from which the vendored files are built; it is in no wheel.
+        is_built_from = "node_modules" in path.parts
+        if content_type and path.is_file() and not is_built_from:
             body = path.read_bytes()
             etag = f'"{sha256(body).hexdigest()[:32]}"'
             gzipped = compress(body, mtime=0) if len(body) > 1000 and path.suffix != ".png" else b""
