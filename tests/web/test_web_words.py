@@ -75,6 +75,16 @@ def test_what_was_counted_is_told_for_a_minute_and_not_for_ever():
     assert words.what == "In the last minute: 3 x a transfer failed."
 
 
+def test_after_an_outage_its_cause_is_said_and_not_all_that_was_done_about_it():
+    grown = {"bus_errors": 258, "bus_retries": 172, "fifo_resets": 2, "outages": 1, "chip_restarts": 1, "starved": 1}
+    (words,) = words_of(STATUS, grown=grown)
+    assert words.what.startswith("In the last minute: 258 x a transfer failed; ")
+    assert words.what.endswith("; and 2 more counters.")
+    assert "172" not in words.what
+    (words,) = words_of(STATUS, grown={"bus_retries": 3})
+    assert "3 x" in words.what
+
+
 def test_the_loop_outputs_and_the_recording_are_spoken_of():
     output = OutputStatus(name="home", to="udp:x:1", encoding="json", state="failed: no route")
     lost = OutputStatus(name="phone", to="udp:x:1", encoding="json", state="open", lost=4)

@@ -15,6 +15,9 @@ Level = Literal["bad", "warn", "good"]
 LATELY_S, LOOK_S = 60.0, 1.0
 MISSED_SHARE = 0.01
 """A larger share of deadlines missed is something to look after."""
+REPAIRS = frozenset({"bus_retries", "fifo_resets"})
+"""They go with what they repair, which has a counter of its own."""
+MOST_COUNTERS = 2
 _WIRES = "Check the plugs and the wires: long or loose ones do this."
 _SUPPLY = "Check the supply of the chip and its plug: 3.3 V must not dip."
 _HOST = (
@@ -117,7 +120,11 @@ def _of_flags(status: Status, flags: Collection[str]) -> Iterator[Words]:
 
 
 def _of_counters(grown: Mapping[str, int]) -> Iterator[Words]:
-    told = [f"{n} x {WORDS.get(name, name)}" for name, n in grown.items() if name not in EXPECTED]
+    counted = {name: n for name, n in grown.items() if name not in EXPECTED}
+    causes = {name: n for name, n in counted.items() if name not in REPAIRS} or counted
+    most = sorted(causes, key=lambda name: -causes[name])
+    told = [f"{causes[name]} x {WORDS.get(name, name)}" for name in most[:MOST_COUNTERS]]
+    told += [f"and {len(most) - MOST_COUNTERS} more counters"] if len(most) > MOST_COUNTERS else []
     if told:
         yield _warn(f"In the last minute: {'; '.join(told)}.", "Now and then is no harm.")
 
