@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from hw_fakes import NOISE_ONLY, FakeBus, FakeMpu6050, Motion, Show
+from hw_fakes.faults.plan import parse
 from hw_fakes.world.motion_show import Move
 from quavelet.cli.demo import of_a_fake
 from quavelet.core.clock import VirtualClock
@@ -37,11 +38,13 @@ def live_motion() -> Show:
     return Show(start_s=5.0, moves=moves, sway_s=3.0, rest_s=1.0)
 
 
-def record(path: Path, motion: Motion, *, length_s: float) -> FakeBus:
-    """A recording of that length, made in virtual time; the bus knows the truth of it."""
+def record(path: Path, motion: Motion, *, length_s: float, fault: str = "") -> FakeBus:
+    """A recording of that length, made in virtual time; the bus knows its truth. fault: one, as "eio n=5 at=3"."""
     clock = VirtualClock(START_NS)
     chip = FakeMpu6050(clock, motion=motion, imperfections=NOISE_ONLY, seed=1)
     bus = FakeBus({0x68: chip}, clock=clock, name="fake:show")
+    if fault:
+        bus.adapter.faults.add(parse(fault))
     service = Service(
         Settings(bus=BusSettings(name="fake:show")),
         clock=clock,
@@ -102,7 +105,8 @@ class LiveService:
         self.service.stop()
         self._thread.join(20)
         assert not self._thread.is_alive()
-        assert self.error is None
+        if self.error is not None:
+            raise self.error
 
     def truth(self, t_ns: np.ndarray[Any, np.dtype[np.int64]]) -> np.ndarray[Any, np.dtype[np.float64]]:
         """(N, 4) at the times (N,), as the fake moves; its yaw begins at 0, as that of the service does."""

@@ -112,6 +112,7 @@ def test_the_player_is_there_for_all(player, look):
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(3600)
 def test_an_hour_loads_seeks_and_plays_below_200_mb(tmp_path, chromium, look):
     bus = record(tmp_path / "hour.qvl", live_motion(), length_s=3600)
     with Program("replay", tmp_path / "hour.qvl", "--web", "--port", 0, cwd=tmp_path) as program:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import socket
 import time
 
@@ -92,8 +93,11 @@ def test_a_server_that_dies_is_told_and_one_that_comes_back_is_found_without_a_r
         lost_s = after(page, "body.stale", killed_s)
         assert "connection" in page.inner_text("#link-text")
         assert "connection" in page.inner_text("#veil").lower()
-        # As long as a machine takes to start again: the page asks less often by then.
-        page.wait_for_timeout(6000)
+        # As long as a machine takes to start again: the page asks less often by then, but no less than each 5 s.
+        waits_s = set()
+        for _ in range(50):
+            page.wait_for_timeout(200)
+            waits_s |= {int(n) for n in re.findall(r"again in (\d+) s", page.inner_text("#veil"))}
     with Program("demo", "--json", "--web", "--port", port, cwd=tmp_path) as again:
         there_s = time.monotonic()
         page.wait_for_selector("body:not(.stale)", timeout=1000 * SOON_S)
@@ -105,4 +109,4 @@ def test_a_server_that_dies_is_told_and_one_that_comes_back_is_found_without_a_r
         assert again.port == port
         print(f"\nserver killed: told after {lost_s:.1f} s; live {back_s:.1f} s after another one listened")
         page.goto("about:blank")
-    assert lost_s < SOON_S
+    assert 1 < max(waits_s) <= 5
