@@ -343,12 +343,14 @@ def _text(status: int, text: str, **headers: str) -> web.Response:
 
 
 def _why(error: object) -> str:
-    """For what aiohttp has closed a websocket, in a word."""
+    """For what aiohttp has closed a websocket, in a word; "" for a connection that is simply gone, as of a closed tab."""
     if isinstance(error, WebSocketError):
         return {WSCloseCode.MESSAGE_TOO_BIG: "oversized", WSCloseCode.INVALID_TEXT: "malformed"}.get(
             WSCloseCode(error.code), "broken"
         )
-    return "silent" if isinstance(error, TimeoutError) else "broken"
+    if isinstance(error, TimeoutError):
+        return "silent"
+    return "" if isinstance(error, OSError) else "broken"
 
 
 def _headers_of_download(name: str) -> dict[str, str]:
