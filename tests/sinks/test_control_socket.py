@@ -261,3 +261,21 @@ def test_an_answer_without_end_is_read_to_its_first_line(tmp_path: Path) -> None
         assert ask_status(path) == b"{}\n"
         talking.join(BOUND_S)
         assert not talking.is_alive()
+
+
+def test_a_service_that_has_its_socket_but_does_not_listen_yet_is_waited_for(tmp_path: Path) -> None:
+    path = tmp_path / "imu.sock"
+    answer = msgspec.json.encode(no_status()) + b"\n"
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as sock:
+        sock.bind(str(path))
+
+        def serve() -> None:
+            sock.listen()
+            with sock.accept()[0] as asker:
+                asker.recv(100)
+                asker.sendall(answer)
+
+        beginning = threading.Timer(0.05, serve)
+        beginning.start()
+        assert ask_status(path) == answer
+        beginning.join()

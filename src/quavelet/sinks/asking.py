@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import socket
 import struct
+import time
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -16,6 +17,7 @@ from quavelet.sinks.status import Status
 PATIENCE_S = 5.0
 SYSTEM_FOLDER = Path("/run/quavelet")
 LONGEST_ANSWER_BYTES = 1_000_000
+TRIES, PAUSE_S = 10, 0.03
 
 
 class AskError(ImuError):
@@ -72,7 +74,7 @@ def _lines(path: Path, question: str) -> Iterator[bytes]:
         # The kernel lets who finds many before him wait, but not where Python has the timeout.
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, struct.pack("@ll", int(PATIENCE_S), 0))
         try:
-            sock.connect(str(path))
+            _connect(sock, path)
             sock.settimeout(PATIENCE_S)
             # Who has no place for us says so and closes, without hearing what we want.
             with suppress(BrokenPipeError, ConnectionResetError):
@@ -96,6 +98,16 @@ def _lines(path: Path, question: str) -> Iterator[bytes]:
             return
         except OSError as error:
             raise AskError(f"{path} cannot be asked: {error.strerror or error}") from error
+
+
+def _connect(sock: socket.socket, path: Path) -> None:
+    """A service that is just beginning has its file there a moment before it listens. Raises OSError."""
+    for _ in range(TRIES - 1):
+        with suppress(ConnectionRefusedError):
+            sock.connect(str(path))
+            return
+        time.sleep(PAUSE_S)
+    sock.connect(str(path))
 
 
 def _not_refused(path: Path, line: bytes) -> bytes:
