@@ -343,7 +343,7 @@ def _text(status: int, text: str, **headers: str) -> web.Response:
 
 
 def _why(error: object) -> str:
-    """For what aiohttp has closed a websocket, in a word; "" for a connection that is simply gone, as of a closed tab."""
+    """For what aiohttp has closed a websocket, in a word; "" for one that is simply gone, as of a closed tab."""
     if isinstance(error, WebSocketError):
         return {WSCloseCode.MESSAGE_TOO_BIG: "oversized", WSCloseCode.INVALID_TEXT: "malformed"}.get(
             WSCloseCode(error.code), "broken"
