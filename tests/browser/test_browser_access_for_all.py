@@ -13,6 +13,7 @@ def breakable():
         yield service
 
 
+@pytest.mark.slow
 def test_every_control_is_reached_by_tab_and_shows_that_it_has_the_focus(breakable, look):
     page = look(breakable.url).is_live()
     page.wait_for_selector(".fault-button")
@@ -45,7 +46,7 @@ def test_buttons_radios_and_details_do_what_they_do_by_the_keyboard(breakable, l
     assert page.evaluate("document.activeElement.id") == "main"
 
 
-@pytest.mark.parametrize("colours", ["light", "dark"])
+@pytest.mark.parametrize("colours", ["light", pytest.param("dark", marks=pytest.mark.slow)])
 def test_all_text_can_be_read_and_everything_has_a_name(colours, breakable, look):
     page = look(breakable.url, color_scheme=colours).is_live()
     page.wait_for_selector(".fault-button")
@@ -70,6 +71,7 @@ def test_no_width_scrolls_sideways_or_has_targets_that_a_finger_misses(breakable
         assert (width, small_targets(page)) == (width, [])
 
 
+@pytest.mark.slow
 def test_the_board_is_told_in_words_once_a_second(breakable, look):
     page = look(breakable.url).is_live()
     page.wait_for_selector("#board-text:has-text('X ')")

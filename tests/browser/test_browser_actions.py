@@ -30,6 +30,7 @@ def button(page, place, name):
     return page.locator(place).get_by_role("button", name=name, exact=True)
 
 
+@pytest.mark.slow
 def test_yaw_counts_from_where_it_was_set_to_zero_and_the_tilt_stays(service, look):
     seen = look(service.url)
     page = seen.is_live()
@@ -89,6 +90,7 @@ def test_a_recording_is_begun_ended_downloaded_replayed_and_deleted(service, fol
     assert list(folder.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_the_mounting_is_found_right_by_two_poses(look):
     lifted = Move(0, -30, 0, 1.0, 4.0), Move(0, 0, 0, 1.0, 2.0)
     with LiveService(Show(start_s=5.0, moves=lifted, sway_s=0.5, sway_deg=(0, 0, 0), rest_s=3.0)) as service:
@@ -105,6 +107,7 @@ def test_the_mounting_is_found_right_by_two_poses(look):
         page.goto("about:blank")
 
 
+@pytest.mark.slow
 def test_a_calibration_shows_what_is_asked_and_how_the_board_lies_and_can_be_stopped(service, look):
     page = look(service.url).is_live()
     button(page, "#calibration", "Calibrate").click()

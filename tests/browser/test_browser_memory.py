@@ -14,6 +14,7 @@ def fast():
         yield service
 
 
+@pytest.mark.slow
 def test_a_thousand_messages_more_leave_nothing_behind(fast, look):
     page = look(fast.url, viewport={"width": 700, "height": 500}).is_live()
     page.wait_for_timeout(4000)

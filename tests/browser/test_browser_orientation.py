@@ -38,7 +38,7 @@ def watched(seen):
     return drawn
 
 
-@pytest.mark.parametrize("kind", ["webgl", "plain"])
+@pytest.mark.parametrize("kind", ["webgl", pytest.param("plain", marks=pytest.mark.slow)])
 def test_the_drawn_board_lies_as_the_fake_does_while_it_turns(kind, service, look, request):
     browser = request.getfixturevalue("chromium" if kind == "webgl" else "chromium_without_webgl")
     seen = look(service.url, browser=browser)
@@ -59,6 +59,7 @@ def test_the_drawn_board_lies_as_the_fake_does_while_it_turns(kind, service, loo
     assert drawn.latency_ms.min() > 0
 
 
+@pytest.mark.slow
 def test_five_viewers_each_get_thirty_messages_a_second(service, look):
     viewers = [look("about:blank", viewport={"width": 400, "height": 500}) for _ in range(VIEWERS)]
     times_ns: list[list[int]] = [[] for _ in viewers]

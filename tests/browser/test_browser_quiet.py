@@ -9,6 +9,7 @@ from browser_seen import Seen
 from live_service import Program
 
 
+@pytest.mark.slow
 def test_a_complaint_of_any_kind_is_seen(chromium, service):
     seen = Seen(chromium, service.url)
     page = seen.is_live()
@@ -24,7 +25,7 @@ def test_a_complaint_of_any_kind_is_seen(chromium, service):
     assert re.search(r"(?i)refused to apply inline style|violates.*style-src", said), said
 
 
-@pytest.mark.parametrize("webgl", [True, False], ids=["webgl", "without webgl"])
+@pytest.mark.parametrize("webgl", [True, pytest.param(False, marks=pytest.mark.slow)], ids=["webgl", "without webgl"])
 def test_a_demo_is_looked_at_without_a_complaint(webgl, request, look, tmp_path):
     browser = request.getfixturevalue("chromium" if webgl else "chromium_without_webgl")
     with Program("demo", "--json", "--web", "--port", 0, cwd=tmp_path) as demo:

@@ -62,6 +62,7 @@ def test_what_is_played_sought_and_played_again_is_drawn_as_it_was(recorded, pla
     assert page.is_hidden("#veil")
 
 
+@pytest.mark.slow
 def test_pause_step_and_speed_by_the_keyboard(player, look):
     page = look(player.url).is_live()
     page.wait_for_selector("#replay:not([hidden])")
@@ -96,6 +97,7 @@ def test_pause_step_and_speed_by_the_keyboard(player, look):
     assert t_s(page) < 20
 
 
+@pytest.mark.slow
 def test_the_player_is_there_for_all(player, look):
     page = look(player.url).is_live()
     page.wait_for_selector("#replay:not([hidden])")

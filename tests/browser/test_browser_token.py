@@ -64,6 +64,7 @@ def test_who_comes_from_elsewhere_is_asked_for_the_token_and_told_when_it_is_wro
     page.wait_for_selector("#board[data-drawn]", timeout=60_000)
 
 
+@pytest.mark.slow
 def test_the_printed_address_lets_in_and_the_token_leaves_the_address_bar(url, token, look):
     seen = look(f"{url}#token={token}")
     page = seen.is_live()
@@ -79,6 +80,7 @@ def test_the_printed_address_lets_in_and_the_token_leaves_the_address_bar(url, t
     assert page.url == url
 
 
+@pytest.mark.slow
 def test_a_websocket_from_another_page_is_refused_though_the_cookie_is_there(url, token, elsewhere, look, guarded):
     seen = look(f"{url}#token={token}", allowed=FORBIDDEN)
     seen.is_live()

@@ -54,6 +54,7 @@ def test_a_lost_chip_greys_what_is_shown_says_what_to_do_and_all_comes_back(brea
     )
 
 
+@pytest.mark.slow
 def test_a_gap_is_a_break_in_the_strips_a_flag_and_a_sentence(breakable, look):
     page = look(breakable.url).is_live()
     page.wait_for_selector("#words li[data-level=good]", timeout=1000 * SOON_S)
@@ -64,6 +65,7 @@ def test_a_gap_is_a_break_in_the_strips_a_flag_and_a_sentence(breakable, look):
     assert "1 gap" in facts or "gaps" in facts
 
 
+@pytest.mark.slow
 def test_a_fault_is_injected_from_the_page_by_the_keyboard_and_what_became_of_it_is_told(breakable, look):
     page = look(breakable.url).is_live()
     page.wait_for_selector(".fault-button")
@@ -83,6 +85,7 @@ def port():
         return free.getsockname()[1]
 
 
+@pytest.mark.slow
 def test_a_server_that_dies_is_told_and_one_that_comes_back_is_found_without_a_reload(port, look, tmp_path):
     program = Program("demo", "--json", "--web", "--port", port, cwd=tmp_path)
     with program:
