@@ -84,14 +84,14 @@ def test_a_chip_that_is_missing_at_boot_holds_up_nothing_and_is_found_when_it_co
         """
         use_bus told:still
         touch /run/absent
-        edit <<< $'[Service]\\nTimeoutStartSec=3'
+        edit <<< $'[Service]\\nTimeoutStartSec=6'
         printf '[Unit]\\nWants=quavelet@imu0.service\\n' > /run/systemd/system/boot.target
         systemctl daemon-reload
         systemctl start boot.target
         systemctl is-active boot.target
         until_true 'property StatusText | grep -q "waiting for the chip"'
         property StatusText
-        sleep 6
+        sleep 13
         echo "$(property ActiveState) $(property NRestarts)"
         rm /run/absent
         until_true '[ "$(property ActiveState)" = active ]'
