@@ -22,7 +22,8 @@ def packages_below(folder: Path, name: str) -> set[str]:
 
 def test_every_package_of_the_tree_is_in_the_wheel():
     found = packages_below(ROOT / "src" / "quavelet", "quavelet") | packages_below(ROOT / "hw_fakes", "hw_fakes")
-    assert set(PROJECT["tool"]["setuptools"]["packages"]) == found | {"quavelet.service.systemd"}
+    data = {"quavelet.service.systemd", "quavelet.web.page", "quavelet.web.page.vendor"}
+    assert set(PROJECT["tool"]["setuptools"]["packages"]) == found | data
 
 
 def test_both_packages_tell_type_checkers_that_they_are_typed():
