@@ -15,7 +15,7 @@ from quavelet.cli.run import outcome, stopped_by_signals, talk, tell_counts
 from quavelet.core.clock import MonotonicClock
 from quavelet.core.health import Health
 from quavelet.core.units import NS_PER_MS
-from quavelet.loop.deadline import LoopStats
+from quavelet.loop.deadline import NO_LOOP
 from quavelet.loop.hub import Hub, Policy
 from quavelet.pipeline import build_pipeline, tell_uncalibrated_magnetometer
 from quavelet.recording.mcap import offset_of
@@ -34,7 +34,6 @@ from quavelet.web.playing import Playing
 
 NAME = "replay"
 LOOK_NS = 100 * NS_PER_MS
-_NO_LOOP = LoopStats(0, 0, 0, 0, 0, 0, 0, 0)
 
 
 def replay_page(file: Path, *, config: Path | None, json: bool, speed: float | None, port: int | None) -> int:
@@ -107,7 +106,7 @@ def _status(player: Player, playing: Playing, clock: ClockStatus) -> Status:
         message=message,
         rate_hz=player.measured_rate_hz,
         health=player.health.as_dict(),
-        loop=_NO_LOOP,
+        loop=NO_LOOP,
         clock=clock,
         pid=os.getpid(),
         memory_mb=memory_mb(),

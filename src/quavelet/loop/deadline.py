@@ -30,6 +30,10 @@ class LoopStats:
     duration_max_ns: int
 
 
+NO_LOOP = LoopStats(0, 0, 0, 0, 0, 0, 0, 0)
+"""Of a loop that has not begun, or where there is none."""
+
+
 class FixedStepLoop:
     """Gives the deadlines start + k period, k = 1, 2, ..., each as it is reached.
 

@@ -63,9 +63,7 @@ class RotatingRecorder:
         self._clock = clock
         self._fsync_s = fsync_s
         self._utc_now = utc_now
-        self._clock_set = ClockSet(
-            lambda: (utc_now() - _BEGIN) // timedelta(microseconds=1) * NS_PER_US - clock.now_ns()
-        )
+        self._clock_set = ClockSet(lambda: (utc_now() - _BEGIN) // _US * NS_PER_US - clock.now_ns())
         self._writer: RecordingWriter | None = None
         self._info: StreamInfo | None = None
         self._expected = 0

@@ -13,14 +13,13 @@ from time import monotonic_ns
 from quavelet.core.health import Health
 from quavelet.core.units import NS_PER_S
 from quavelet.imu import Imu
-from quavelet.loop.deadline import LoopStats
+from quavelet.loop.deadline import NO_LOOP
 from quavelet.loop.histogram import Histogram
 from quavelet.service.host import boot_id
 from quavelet.settings import Settings
 from quavelet.sinks.message import Message
 from quavelet.sinks.status import ClockStatus, LatencyStatus, OutputStatus, PageStatus, RecordingStatus, Status
 
-_NO_LOOP = LoopStats(0, 0, 0, 0, 0, 0, 0, 0)
 _TIMEX_BYTES = 256
 """More than the kernel's struct timex takes; of zeros only, it asks and sets nothing."""
 _TIME_ERROR = 5
@@ -56,7 +55,7 @@ def status_of(
         message=message,
         rate_hz=imu.measured_rate_hz if imu else None,
         health=(imu.health if imu else Health()).as_dict(),
-        loop=imu.loop.stats if imu else _NO_LOOP,
+        loop=imu.loop.stats if imu else NO_LOOP,
         latency=latency_of(latency),
         outputs=outputs,
         calibration=_calibration(imu),

@@ -48,6 +48,11 @@ class Listener:
             sock.setblocking(False)
             self._listen(sock)
 
+    @property
+    def port(self) -> int:
+        """Of TCP: where it listens."""
+        return int(self.sockets[0].getsockname()[1])
+
     async def close(self) -> None:
         """Take no more connections; those that were taken belong to their protocols."""
         for sock in self.sockets:

@@ -71,7 +71,7 @@ class MetricsEndpoint:
     @property
     def port(self) -> int:
         """Where it listens, once it is open."""
-        return int(self._listener.sockets[0].getsockname()[1]) if self._listener else self._port
+        return self._listener.port if self._listener else self._port
 
     @property
     def waiting(self) -> int:

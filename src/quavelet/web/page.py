@@ -184,13 +184,14 @@ class WebPage:
 
     def greet(self, viewer: Viewer) -> None:
         """All that one who comes later is to know."""
-        viewer.send(self._hello())
+        status = self._status()
+        viewer.send(self._hello(status))
         viewer.send(self._history.frame())
         for name in self._by_name:
             viewer.send(ability_frame(name, self._state_of(name)))
         for text in self._said:
             viewer.send(_talk(text))
-        viewer.send(self._status_frame())
+        viewer.send(self._status_frame(status))
         if self._latest is not None:
             viewer.send(self._frame_of(self._latest))
 
@@ -264,7 +265,7 @@ class WebPage:
         if len(self.viewers):
             self._look_at_abilities()
             if is_due:
-                self.viewers.send(self._status_frame())
+                self.viewers.send(self._status_frame(self._status()))
         if is_due:
             self._flags.clear()
 
@@ -299,9 +300,8 @@ class WebPage:
     def _frame_of(self, message: Message) -> bytes:
         return message_frame(message, now_ns=self._clock.now_ns())
 
-    def _hello(self) -> bytes:
+    def _hello(self, status: Status) -> bytes:
         abouts = {name: msgspec.Raw(self._about(ability)) for name, ability in self._by_name.items()}
-        status = self._status()
         return frame(
             "hello",
             v=VERSION,
@@ -313,8 +313,7 @@ class WebPage:
             abilities=abouts,
         )
 
-    def _status_frame(self) -> bytes:
-        status = self._status()
+    def _status_frame(self, status: Status) -> bytes:
         words = words_of(status, flags=self._flags, grown=self._lately.grown(status))
         lateness = lateness_of(self._lateness())
         return frame("status", s=status, words=words, lateness=lateness, viewers=self.viewers.status())

@@ -65,7 +65,7 @@ class Server:
     @property
     def port(self) -> int:
         assert self._listener is not None
-        return int(self._listener.sockets[0].getsockname()[1])
+        return self._listener.port
 
     @property
     def connections(self) -> int:
