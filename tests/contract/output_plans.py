@@ -6,6 +6,7 @@ import msgspec
 
 from quavelet.core.clock import MonotonicClock
 from quavelet.core.health import Health
+from quavelet.core.wall_clock import offset_from
 from quavelet.loop.deadline import LoopStats
 from quavelet.settings.outputs import OutputSettings
 from quavelet.sinks.message import Message
@@ -75,5 +76,5 @@ def mqtt_plan(
         settings=msgspec.convert(table, OutputSettings),
         service=service_name,
         status=lambda: there.status,
-        clock=MonotonicClock(),
+        offset_ns=offset_from(MonotonicClock()),
     )

@@ -9,6 +9,7 @@ from recorded import INFO, SETTINGS, drains
 
 from quavelet.core.clock import VirtualClock
 from quavelet.core.units import NS_PER_S
+from quavelet.core.wall_clock import unix_ns_of
 from quavelet.mpu6050.drain import Drain
 from quavelet.mpu6050.stream import StreamInfo
 from quavelet.recording.format import MAGIC
@@ -43,7 +44,7 @@ class Rig:
             settings=SETTINGS,
             clock=VirtualClock(),
             tell=self.told.append,
-            utc_now=lambda: self.utc,
+            offset_ns=lambda: unix_ns_of(self.utc),
             fsync_s=fsync_s,
         )
 

@@ -34,7 +34,7 @@ mount(disk, folder)
 told = []
 recorder = RotatingRecorder(
     folder, name="imu", settings=SETTINGS, clock=VirtualClock(), tell=told.append, fsync_s=10.0,
-    utc_now=lambda: datetime(2026, 11, 22, tzinfo=UTC),
+    offset_ns=int,
     bounds=Bounds(file_bytes=400_000, file_ns=3600 * NS_PER_S, total_bytes=1_500_000),
 )
 recorder.write(INFO)

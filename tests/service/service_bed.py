@@ -12,10 +12,10 @@ from hw_fakes.target import Target
 from quavelet.core.clock import Clock, VirtualClock
 from quavelet.core.errors import DeviceMissing
 from quavelet.core.units import NS_PER_S
+from quavelet.core.wall_clock import WallNs
 from quavelet.service.notify import Notify
 from quavelet.service.service import STDOUT, Service
 from quavelet.settings import BusSettings, ServiceSettings, Settings
-from quavelet.sinks.encodings.wall_time import WallNs
 from quavelet.sinks.message import Message
 
 WATCHDOG_S = 10

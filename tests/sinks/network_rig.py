@@ -34,7 +34,7 @@ def no_status() -> Status:
 
 def plan(to: str, **settings: object) -> OutputPlan:
     output = msgspec.convert({"to": to, **settings}, OutputSettings)
-    return OutputPlan("x", output, "imu", no_status, VirtualClock())
+    return OutputPlan("x", output, "imu", no_status, int)
 
 
 def until(condition: Callable[[], bool]) -> None:

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import time
-
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 from sink_messages import message
 
-from quavelet.core.clock import VirtualClock
 from quavelet.core.units import NS_PER_S
 from quavelet.sinks.encodings.doubt import Told, in_words, plain
-from quavelet.sinks.encodings.wall_time import iso_time, offset_from, time_of_day
+from quavelet.sinks.encodings.wall_time import iso_time, time_of_day
 
 
 @example("x" * 200)
@@ -42,13 +39,3 @@ def test_words_are_said_again_when_time_begins_anew():
 )
 def test_times_are_cut_and_never_rounded_into_the_next_second(unix_ns, day, iso):
     assert (time_of_day(unix_ns), iso_time(unix_ns)) == (day, iso)
-
-
-def test_the_offset_takes_the_loops_time_to_the_time_of_day():
-    clock = VirtualClock(5 * NS_PER_S)
-    offset_ns = offset_from(clock)
-    before_ns = time.time_ns()
-    assert 0 <= offset_ns() + clock.now_ns() - before_ns < 60 * NS_PER_S
-    first_ns = offset_ns()
-    clock.advance_ns(3600 * NS_PER_S)
-    assert offset_ns() < first_ns - 3000 * NS_PER_S

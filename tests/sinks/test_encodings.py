@@ -34,7 +34,7 @@ def made(name: str) -> Encoding:
         raise AssertionError("no encoding asks for the status")
 
     settings = OutputSettings(to="udp:127.0.0.1:5555", encoding=name)
-    plan = OutputPlan(name="out", settings=settings, service="imu0", status=status, clock=VirtualClock(10**9))
+    plan = OutputPlan(name="out", settings=settings, service="imu0", status=status, offset_ns=int)
     try:
         return make_encoding(plan)
     except SettingsError as error:

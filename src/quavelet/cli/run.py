@@ -35,7 +35,6 @@ from quavelet.service.outputs import STDOUT
 from quavelet.service.service import QUEUE_DEPTH, Service
 from quavelet.settings import Settings
 from quavelet.settings.service import NAME
-from quavelet.sinks.encodings.wall_time import offset_from
 from quavelet.sinks.mcap_file import McapFile
 from quavelet.sinks.message import Message
 from quavelet.web.ability import Ability
@@ -168,7 +167,7 @@ def stopped_by_signals(stop: Callable[[], None]) -> Iterator[None]:
 
 def _subscribe_outputs(service: Service, stack: ExitStack, *, json: bool, mcap: Path | None) -> None:
     if mcap is not None:
-        offset_ns, axes = offset_from(service.clock, service.wall_ns)(), service.settings.mounting.axes
+        offset_ns, axes = service.time_of_day.offset_ns(), service.settings.mounting.axes
         about = {"src": service.settings.bus.name, "version": version("quavelet")}
         writer = McapWriter(mcap, offset_ns=offset_ns, axes=axes, about=about)
         service.messages.subscribe(MCAP, McapFile(writer), depth=QUEUE_DEPTH, policy=service.policy)

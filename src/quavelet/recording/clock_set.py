@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 from quavelet.core.units import NS_PER_S
+from quavelet.core.wall_clock import OffsetNs
 
 SET_NS = NS_PER_S
 """By so much at least: a time server moves a clock gently, and may set it by less."""
@@ -18,14 +17,15 @@ class ClockSet:
     offset_ns   UTC less the clock of what is recorded
     """
 
-    def __init__(self, offset_ns: Callable[[], int]) -> None:
+    def __init__(self, offset_ns: OffsetNs) -> None:
         self._offset_ns = offset_ns
         self._begun_ns = offset_ns()
         self._set_ns: int | None = None
 
-    def begin(self) -> None:
-        """A file begins."""
+    def begin(self) -> int:
+        """A file begins; the offset at its beginning."""
         self._begun_ns = self._offset_ns()
+        return self._begun_ns
 
     def since_begin(self, t_ns: int) -> bool:
         """Whether another is to begin with the item of that time."""

@@ -76,11 +76,11 @@ class RecordingFolder:
         self._kept: deque[_Kept] = deque()
         self._known: dict[Path, bool] = {}
 
-    def next_path(self, utc: datetime) -> Path:
+    def next_path(self, begins: datetime) -> Path:
         """Look at the directory afresh and name the next file. No file of ours may be open. Raises RecordingError."""
         self._scan()
         self._last += 1
-        return self.directory / f"{self._name}-{self._last:06d}-{utc.strftime(_STAMP)}{self._suffix}"
+        return self.directory / f"{self._name}-{self._last:06d}-{begins.strftime(_STAMP)}{self._suffix}"
 
     def reserve(self, n: int) -> None:
         """Make room for `n` more bytes, deleting the oldest for it. Raises RecordingError where there is none."""

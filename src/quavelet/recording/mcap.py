@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from datetime import UTC, datetime, timedelta
+from datetime import datetime
 from importlib.metadata import version
 from pathlib import Path
 from types import TracebackType
@@ -28,6 +28,7 @@ from quavelet.core.errors import RecordingError, SettingsError
 from quavelet.core.mounting import Axes, rotation
 from quavelet.core.quaternion import from_matrix
 from quavelet.core.units import NS_PER_MS, NS_PER_S
+from quavelet.core.wall_clock import unix_ns_of
 from quavelet.recording import mcap_words as words
 from quavelet.recording.disk_file import DiskFile, Room
 from quavelet.recording.format import Header
@@ -294,8 +295,7 @@ def offset_of(header: Header) -> int:
     Raises RecordingError where the header's time is none.
     """
     try:
-        begun = datetime.fromisoformat(header.started_utc)
-        return (begun - datetime(1970, 1, 1, tzinfo=UTC)) // timedelta(microseconds=1) * 1000 - header.started_ns
+        return unix_ns_of(datetime.fromisoformat(header.started_utc)) - header.started_ns
     except (ValueError, TypeError) as error:
         raise RecordingError(f"the recording's start, '{header.started_utc}', is no time: record again") from error
 

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from datetime import UTC, datetime
 from pathlib import Path
 
 from quavelet.core.mounting import Axes
-from quavelet.recording.clock_set import ClockSet
-from quavelet.recording.folder import RecordingFolder
+from quavelet.core.wall_clock import OffsetNs
 from quavelet.recording.mcap import CHUNK_BYTES, SAMPLE_BYTES, SUFFIX, McapWriter, Sample, mcap_library
 from quavelet.recording.rotation import Bounds, Rotation, RotationStats
 
@@ -29,27 +27,25 @@ class RotatingMcap:
         bounds: Bounds,
         axes: Axes,
         about: Mapping[str, str],
-        offset_ns: Callable[[], int],
+        offset_ns: OffsetNs,
         rate_hz: float,
         tell: Callable[[str], None],
         fsync_s: float = 0.0,
-        utc_now: Callable[[], datetime] = lambda: datetime.now(UTC),
     ) -> None:
         mcap_library()
-        self._folder = RecordingFolder(
+        self._rotation: Rotation[Sample] = Rotation(
             directory,
             name=name,
             suffix=SUFFIX,
-            total_bytes=bounds.total_bytes,
-            keep_free_bytes=bounds.keep_free_bytes,
-        )
-        self._rotation: Rotation[Sample] = Rotation(
-            self._folder, begin=self._begin_file, bounds=bounds, kind="messages", tell=tell, utc_now=utc_now
+            begin=self._begin_file,
+            bounds=bounds,
+            kind="messages",
+            tell=tell,
+            offset_ns=offset_ns,
         )
         self._axes = axes
         self._about = about
         self._offset_ns = offset_ns
-        self._clock_set = ClockSet(offset_ns)
         # A file is ended as if its last chunk did not shrink: that must not be much of it.
         self._chunk_bytes = min(CHUNK_BYTES, round(SAMPLE_BYTES * rate_hz), bounds.file_bytes // 10)
         self._fsync_s = fsync_s
@@ -60,8 +56,6 @@ class RotatingMcap:
 
     def write(self, sample: Sample) -> None:
         """Take a sample."""
-        if self._clock_set.since_begin(sample.t_ns):
-            self._rotation.close()
         self._rotation.write(sample, sample.t_ns)
 
     def close(self) -> None:
@@ -69,13 +63,12 @@ class RotatingMcap:
         self._rotation.close()
 
     def _begin_file(self, path: Path) -> McapWriter:
-        self._clock_set.begin()
         return McapWriter(
             path,
             offset_ns=self._offset_ns(),
             axes=self._axes,
             about=self._about,
-            room=self._folder,
+            room=self._rotation.folder,
             fsync_s=self._fsync_s,
             chunk_bytes=self._chunk_bytes,
         )

@@ -4,29 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
-from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 from quavelet.core.clock import Clock
 from quavelet.core.errors import RecordingError
-from quavelet.core.units import NS_PER_US
+from quavelet.core.wall_clock import OffsetNs
 from quavelet.mpu6050.drain import Drain
 from quavelet.mpu6050.stream import StreamInfo
-from quavelet.recording.clock_set import ClockSet
-from quavelet.recording.folder import RecordingFolder
 from quavelet.recording.format import SUFFIX
 from quavelet.recording.rotation import Bounds, Rotation, RotationStats
 from quavelet.recording.writer import RecordingWriter
 from quavelet.settings import Settings
 
-_BEGIN, _US = datetime(1970, 1, 1, tzinfo=UTC), timedelta(microseconds=1)
-
 
 class RotatingRecorder:
     """Writes streams and their drains into `directory`; a sink for both in one queue, like `RecordingWriter`.
 
-    Nothing raises, see `Rotation`. Only the clock of the drains is used, and the one of UTC for names and headers;
-    either may be stepped. `name` begins the files' names (see `RecordingFolder`).
+    Nothing raises, see `Rotation`. Only the clock of the drains is used, and `offset_ns` from it to UTC for names and
+    headers; either may be stepped. `name` begins the files' names (see `RecordingFolder`).
 
     calibration      is asked for the text of the calibration's file in use, as each file begins
     current_stream   is asked for the stream where none was seen to begin: the queue overflowed and has lost its
@@ -42,28 +37,27 @@ class RotatingRecorder:
         bounds: Bounds,
         settings: Settings,
         clock: Clock,
+        offset_ns: OffsetNs,
         tell: Callable[[str], None],
         fsync_s: float = 0.0,
         joins: bool = False,
-        utc_now: Callable[[], datetime] = lambda: datetime.now(UTC),
     ) -> None:
         self.calibration: Callable[[], str] = str
         self.current_stream: Callable[[], StreamInfo | None] = lambda: None
-        self._folder = RecordingFolder(
+        self._rotation: Rotation[Drain] = Rotation(
             directory,
             name=name,
             suffix=SUFFIX,
-            total_bytes=bounds.total_bytes,
-            keep_free_bytes=bounds.keep_free_bytes,
-        )
-        self._rotation: Rotation[Drain] = Rotation(
-            self._folder, begin=self._begin_file, bounds=bounds, kind="drains", tell=tell, utc_now=utc_now
+            begin=self._begin_file,
+            bounds=bounds,
+            kind="drains",
+            tell=tell,
+            offset_ns=offset_ns,
         )
         self._settings = settings
         self._clock = clock
         self._fsync_s = fsync_s
-        self._utc_now = utc_now
-        self._clock_set = ClockSet(lambda: (utc_now() - _BEGIN) // _US * NS_PER_US - clock.now_ns())
+        self._offset_ns = offset_ns
         self._writer: RecordingWriter | None = None
         self._info: StreamInfo | None = None
         self._expected = 0
@@ -89,8 +83,6 @@ class RotatingRecorder:
         if self._info is None:
             self._rotation.unwritten += 1
         else:
-            if self._clock_set.since_begin(item.after_ns):
-                self._rotation.close()
             self._rotation.write(item, item.after_ns)
 
     def close(self) -> None:
@@ -114,10 +106,9 @@ class RotatingRecorder:
             settings=self._settings,
             clock=self._clock,
             fsync_s=self._fsync_s,
-            room=self._folder,
-            utc_now=self._utc_now,
+            room=self._rotation.folder,
+            offset_ns=self._offset_ns,
         )
-        self._clock_set.begin()
         writer.calibration = self.calibration
         try:
             writer.begin(self._info)

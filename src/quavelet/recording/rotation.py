@@ -7,12 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Generic, Protocol, TypeVar
 
 from quavelet.core.errors import RecordingError
 from quavelet.core.units import NS_PER_S
+from quavelet.core.wall_clock import OffsetNs, utc_of
+from quavelet.recording.clock_set import ClockSet
 from quavelet.recording.folder import RecordingFolder
 from quavelet.settings import RecordingSettings
 
@@ -103,29 +104,39 @@ class Rotation(Generic[Item]):
     Nothing raises: where nothing can be written (disk full, directory gone), `tell` gets one sentence, what comes is
     thrown away and counted, and each minute a new file is tried. Times may be stepped.
 
+    name, suffix   of the files, see `RecordingFolder`
     begin       makes the file at a path
     kind        what the items are, in words
+    offset_ns   from the clock of the items' times to UTC; where it is set, another file begins
     missed      items that never came, for who knows of them to count
     unwritten   items thrown away
     """
 
     def __init__(
         self,
-        folder: RecordingFolder,
+        directory: Path,
         *,
+        name: str,
+        suffix: str,
         begin: Callable[[Path], FileWriter[Item]],
         bounds: Bounds,
         kind: str,
         tell: Callable[[str], None],
-        utc_now: Callable[[], datetime] = lambda: datetime.now(UTC),
+        offset_ns: OffsetNs,
     ) -> None:
         self.missed = self.unwritten = 0
-        self._folder = folder
+        self.folder = RecordingFolder(
+            directory,
+            name=name,
+            suffix=suffix,
+            total_bytes=bounds.total_bytes,
+            keep_free_bytes=bounds.keep_free_bytes,
+        )
         self._begin = begin
         self._bounds = bounds
         self._kind = kind
         self._tell = tell
-        self._utc_now = utc_now
+        self._clock_set = ClockSet(offset_ns)
         self._writer: FileWriter[Item] | None = None
         self._begun_ns: int | None = None
         self._failed_ns: int | None = None
@@ -143,8 +154,8 @@ class Rotation(Generic[Item]):
             file=str(writer.path) if writer else "",
             stopped=self._stopped,
             files=self._files,
-            deleted=self._folder.deleted,
-            used_bytes=self._folder.used_bytes,
+            deleted=self.folder.deleted,
+            used_bytes=self.folder.used_bytes,
             written=self._written,
             missed=self.missed,
             unwritten=self.unwritten,
@@ -152,6 +163,8 @@ class Rotation(Generic[Item]):
 
     def write(self, item: Item, t_ns: int) -> None:
         """Take an item of that time."""
+        if self._clock_set.since_begin(t_ns):
+            self.close()
         self._newest_ns = t_ns
         try:
             writer = self._writer_for(item, t_ns)
@@ -190,7 +203,9 @@ class Rotation(Generic[Item]):
         if self._writer is not None and self._is_full(self._writer, item, t_ns):
             self._end_file()
         if self._writer is None and self._may_try(t_ns):
-            self._writer = self._begin(self._folder.next_path(self._utc_now()))
+            # Before the file takes it: where the clock is set in between, another begins.
+            offset_ns = self._clock_set.begin()
+            self._writer = self._begin(self.folder.next_path(utc_of(t_ns + offset_ns)))
             self._begun_ns = None
             self._files += 1
             self._stopped, self._failed_ns = "", None

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 from types import TracebackType
@@ -14,6 +13,7 @@ import msgspec
 from quavelet.core.clock import Clock, MonotonicClock
 from quavelet.core.errors import RecordingError
 from quavelet.core.units import NS_PER_S
+from quavelet.core.wall_clock import OffsetNs, offset_from, utc_of
 from quavelet.mpu6050.drain import Drain
 from quavelet.mpu6050.stream import StreamInfo
 from quavelet.recording.disk_file import DiskFile, Room
@@ -63,7 +63,7 @@ class RecordingWriter:
         clock: Clock | None = None,
         fsync_s: float = 0.0,
         room: Room | None = None,
-        utc_now: Callable[[], datetime] = lambda: datetime.now(UTC),
+        offset_ns: OffsetNs | None = None,
     ) -> None:
         self.path = Path(path)
         self.waiting = 0
@@ -72,7 +72,7 @@ class RecordingWriter:
         self._settings = settings
         self.calibration: Callable[[], str] = str
         self._clock = clock or MonotonicClock()
-        self._utc_now = utc_now
+        self._offset_ns = offset_ns or offset_from(self._clock)
         self._stream_crc = 0
         self._begun = False
         self._flushed_ns: int | None = None
@@ -89,7 +89,7 @@ class RecordingWriter:
         header = Header(
             stream=info,
             settings=cast(dict[str, object], msgspec.to_builtins(self._settings)),
-            started_utc=self._utc_now().isoformat(),
+            started_utc=utc_of(now_ns + self._offset_ns()).isoformat(),
             started_ns=now_ns,
             version=version("quavelet"),
             calibration=self.calibration(),

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from time import time_ns
 from typing import BinaryIO
 
 from quavelet.core.clock import Clock
 from quavelet.core.paths import expanded
+from quavelet.core.wall_clock import OffsetNs
 from quavelet.loop.histogram import Histogram
 from quavelet.loop.hub import Hub, ItemSink, Policy, SubscriberStats
 from quavelet.settings import OutputSettings, Settings
 from quavelet.settings.service import AUTO, host_and_port
 from quavelet.sinks.control import ControlSocket
-from quavelet.sinks.encodings.wall_time import WallNs
 from quavelet.sinks.json_lines import JsonLines
 from quavelet.sinks.message import Message
 from quavelet.sinks.metrics import MetricsEndpoint
@@ -42,7 +41,7 @@ class Outputs:
         name: str,
         messages: Hub[Message],
         clock: Clock,
-        wall_ns: WallNs = time_ns,
+        offset_ns: OffsetNs,
         talk: Callable[[str], None],
         status: Callable[[], Status],
         environ: Mapping[str, str],
@@ -55,7 +54,7 @@ class Outputs:
         self._name = name
         self._messages = messages
         self._clock = clock
-        self._wall_ns = wall_ns
+        self._offset_ns = offset_ns
         self._status = status
         self._virtual = virtual
         self._talk = talk
@@ -91,7 +90,7 @@ class Outputs:
 
     def plan(self, name: str, settings: OutputSettings) -> OutputPlan:
         """What an output of this service is made from."""
-        return OutputPlan(name, settings, self._name, self._status, self._clock, self._wall_ns)
+        return OutputPlan(name, settings, self._name, self._status, self._offset_ns)
 
     def open(self) -> None:
         """Begin; all ends when the hub of the messages is closed."""

@@ -43,11 +43,10 @@ def recorder_for(
             bounds=Bounds.of(recording),
             axes=settings.mounting.axes,
             about={"src": settings.bus.name, "version": version("quavelet")},
-            offset_ns=time_of_day.offset_ns,
             rate_hz=settings.loop.rate_hz,
             tell=tell,
             fsync_s=recording.fsync_s,
-            utc_now=time_of_day.utc,
+            offset_ns=time_of_day.offset_ns,
         )
     return drain_recorder(directory, settings=settings, name=name, clock=clock, time_of_day=time_of_day, tell=tell)
 
@@ -72,7 +71,7 @@ def drain_recorder(
         tell=tell,
         fsync_s=settings.recording.fsync_s,
         joins=joins,
-        utc_now=time_of_day.utc,
+        offset_ns=time_of_day.offset_ns,
     )
 
 

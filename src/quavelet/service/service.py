@@ -12,6 +12,7 @@ from quavelet.bus.protocol import I2CBus
 from quavelet.core.clock import Clock
 from quavelet.core.errors import BusError, ImuError
 from quavelet.core.units import NS_PER_MS, NS_PER_S
+from quavelet.core.wall_clock import WallNs, wall_going_with
 from quavelet.imu import Imu
 from quavelet.loop.histogram import Histogram
 from quavelet.loop.hub import Hub, Policy
@@ -34,7 +35,6 @@ from quavelet.service.time_of_day import TimeOfDay
 from quavelet.service.watchdog import NO_SAMPLE, Watchdog
 from quavelet.settings import Settings
 from quavelet.settings.service import AUTO
-from quavelet.sinks.encodings.wall_time import WallNs, wall_going_with
 from quavelet.sinks.mcap_file import McapFile
 from quavelet.sinks.message import Message, message_of
 from quavelet.sinks.status import Status
@@ -80,9 +80,9 @@ class Service:
         self.name = name if settings.service.name == AUTO else settings.service.name
         self.clock = clock
         self.abilities = list(abilities)
-        self.wall_ns = wall_ns or (time_ns if realtime else wall_going_with(clock))
+        wall_ns = wall_ns or (time_ns if realtime else wall_going_with(clock))
         asleep_ns = host.asleep_ns if realtime else int
-        self.time_of_day = TimeOfDay(self.wall_ns, clock=clock, asleep_ns=asleep_ns, talk=self.talk)
+        self.time_of_day = TimeOfDay(wall_ns, clock=clock, asleep_ns=asleep_ns, talk=self.talk)
         self._talk = talk
         self.record = record
         self.imu: Imu | None = None
@@ -100,7 +100,7 @@ class Service:
             name=self.name,
             messages=self.messages,
             clock=clock,
-            wall_ns=self.wall_ns,
+            offset_ns=self.time_of_day.offset_ns,
             talk=talk,
             status=self.status,
             environ=self._environ,
@@ -343,7 +343,7 @@ class Service:
                 settings=settings,
                 clock=self.clock,
                 fsync_s=settings.recording.fsync_s,
-                utc_now=self.time_of_day.utc,
+                offset_ns=self.time_of_day.offset_ns,
             )
             self._writer.calibration = self._calibration_text
             self.records.subscribe("recording", self._writer, depth=recordings.DEPTH, policy=self.policy)

@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from datetime import UTC, datetime, timedelta
 
 from quavelet.core.clock import Clock
-from quavelet.core.units import NS_PER_MS, NS_PER_S, NS_PER_US
+from quavelet.core.units import NS_PER_MS, NS_PER_S
+from quavelet.core.wall_clock import WallNs, offset_from
 from quavelet.service.status import is_synchronised
-from quavelet.sinks.encodings.wall_time import WallNs, offset_from
 from quavelet.sinks.spans import span_in_words
 from quavelet.sinks.status import ClockStatus
 
 STEP_NS = 500 * NS_PER_MS
-"""Time servers move a clock gently by 0.5 ms a second, and set it where it is off by 0.1 to 1 s; a look that was held
-up between its two clocks must not look like that."""
+"""Time servers move a clock gently by 0.5 ms a second, and set it where it is off by 0.1 to 1 s."""
 LOOK_NS, TELL_AGAIN_NS = NS_PER_S, 60 * NS_PER_S
-_BEGIN = datetime(1970, 1, 1, tzinfo=UTC)
 
 
 class TimeOfDay:
@@ -31,7 +28,6 @@ class TimeOfDay:
     ) -> None:
         self.steps = 0
         """How often it was set."""
-        self._wall_ns = wall_ns
         self._clock = clock
         self.offset_ns = offset_from(clock, wall_ns)
         """CLOCK_REALTIME less the loop's clock; may be called on any thread."""
@@ -60,10 +56,6 @@ class TimeOfDay:
     def status(self) -> ClockStatus:
         """As it stands; may be called on any thread."""
         return ClockStatus(offset_ns=self.offset_ns(), synchronised=is_synchronised(), steps=self.steps)
-
-    def utc(self) -> datetime:
-        """As it stands; may be called on any thread."""
-        return _BEGIN + timedelta(microseconds=self._wall_ns() // NS_PER_US)
 
     def _awake_offset_ns(self) -> int:
         return self.offset_ns() - self._asleep_ns()

@@ -13,7 +13,6 @@ from quavelet.sinks.encodings.mavlink import Mavlink
 from quavelet.sinks.encodings.nmea import Nmea
 from quavelet.sinks.encodings.opentrack import OpenTrack
 from quavelet.sinks.encodings.signalk import SignalK
-from quavelet.sinks.encodings.wall_time import offset_from
 from quavelet.sinks.output import Output
 from quavelet.sinks.plan import OutputPlan
 from quavelet.sinks.transport import Transport
@@ -24,9 +23,9 @@ from quavelet.sinks.transports.unix import UnixTransport
 
 ENCODINGS: dict[str, Callable[[OutputPlan], Encoding]] = {
     "json": Json,
-    "nmea": lambda plan: Nmea(offset_ns=offset_from(plan.clock, plan.wall_ns)),
-    "signalk": lambda plan: SignalK(name=plan.service, offset_ns=offset_from(plan.clock, plan.wall_ns)),
-    "influx": lambda plan: Influx(name=plan.service, offset_ns=offset_from(plan.clock, plan.wall_ns)),
+    "nmea": lambda plan: Nmea(offset_ns=plan.offset_ns),
+    "signalk": lambda plan: SignalK(name=plan.service, offset_ns=plan.offset_ns),
+    "influx": lambda plan: Influx(name=plan.service, offset_ns=plan.offset_ns),
     "opentrack": lambda plan: OpenTrack(),  # noqa: ARG005
     "mavlink": lambda plan: Mavlink(),  # noqa: ARG005
 }

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from quavelet.core.clock import Clock
+from quavelet.core.wall_clock import OffsetNs
 from quavelet.settings import OutputSettings
-from quavelet.sinks.encodings.wall_time import WallNs
 from quavelet.sinks.status import Status
 
 
@@ -20,13 +18,11 @@ class OutputPlan:
     settings  its table
     service   the service's name
     status    the service as it is at this moment; may be called on any thread
-    clock     of the loop
-    wall_ns   the time of day
+    offset_ns from the loop's clock to the time of day
     """
 
     name: str
     settings: OutputSettings
     service: str
     status: Callable[[], Status]
-    clock: Clock
-    wall_ns: WallNs = time.time_ns
+    offset_ns: OffsetNs

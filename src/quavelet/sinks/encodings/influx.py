@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from math import isfinite
 
-from quavelet.sinks.encodings.wall_time import OffsetNs
+from quavelet.core.wall_clock import OffsetNs
 from quavelet.sinks.message import Message
 
 _IN_TAG = str.maketrans({",": r"\,", "=": r"\=", " ": r"\ ", "\\": "/"})

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 from math import degrees
 
+from quavelet.core.wall_clock import OffsetNs
 from quavelet.sinks.encodings.doubt import Told, in_words
 from quavelet.sinks.encodings.ship_axes import ShipAttitude, ship_attitude
-from quavelet.sinks.encodings.wall_time import OffsetNs, time_of_day
+from quavelet.sinks.encodings.wall_time import time_of_day
 from quavelet.sinks.message import Message
 
 TALKER = "II"

@@ -9,9 +9,10 @@ from math import radians, trunc
 
 import msgspec
 
+from quavelet.core.wall_clock import OffsetNs
 from quavelet.sinks.encodings.doubt import Told, in_words, plain
 from quavelet.sinks.encodings.ship_axes import ShipAttitude, ship_attitude
-from quavelet.sinks.encodings.wall_time import OffsetNs, iso_time
+from quavelet.sinks.encodings.wall_time import iso_time
 from quavelet.sinks.message import Message
 
 Value = float | dict[str, float] | dict[str, str | list[str]] | None
