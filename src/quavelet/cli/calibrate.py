@@ -29,7 +29,7 @@ from quavelet.cli import exits, options
 from quavelet.cli.calibrate_ending import ended, tell_kept
 from quavelet.cli.calibrate_operator import operator_for
 from quavelet.cli.calibrate_recorded import chip_of, recorded_evidence
-from quavelet.cli.run import stopped_by_signals, talk
+from quavelet.cli.run import Stop, stopped_by_signals, talk
 from quavelet.core.clock import Clock, MonotonicClock, VirtualClock
 from quavelet.core.errors import CalibrationError, ImuError, SettingsError
 from quavelet.core.health import Health
@@ -194,9 +194,9 @@ def _measured(
     check_writable(out)
     if not force:
         check_same_chip(out, chip.identity)
-    session, stop = Session(names, evidence, axes=settings.mounting.axes), _Stop()
+    session, stop = Session(names, evidence, axes=settings.mounting.axes), Stop()
     try:
-        with operator_for(i2c, quiet=quiet) as operator, stopped_by_signals(stop):
+        with operator_for(i2c, quiet=quiet) as operator, stopped_by_signals(stop.ask):
             finished = conduct(
                 session,
                 source,
@@ -204,7 +204,7 @@ def _measured(
                 clock=clock,
                 operator=operator,
                 store=store,
-                stopped=stop.is_asked,
+                stopped=lambda: stop.is_asked,
                 patience_s=PATIENCE_S if yes else float("inf"),
             )
     except ImuError:
@@ -246,16 +246,3 @@ def _identity(i2c: I2CBus, variant: Variant, settings: Settings, clock: Clock, p
         address=address,
         fingerprint=fingerprint_of(access, variant=variant, offsets=plan),
     )
-
-
-class _Stop:
-    """Whether Ctrl-C was pressed."""
-
-    def __init__(self) -> None:
-        self._asked = False
-
-    def __call__(self) -> None:
-        self._asked = True
-
-    def is_asked(self) -> bool:
-        return self._asked

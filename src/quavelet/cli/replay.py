@@ -13,7 +13,7 @@ from rich.console import Console
 from quavelet.cli import options
 from quavelet.cli.panel import LivePanel, Status
 from quavelet.cli.replay_page import replay_page
-from quavelet.cli.run import outcome, stopped_by_signals, talk, tell_counts
+from quavelet.cli.run import Stop, outcome, stopped_by_signals, talk, tell_counts
 from quavelet.core.clock import MonotonicClock
 from quavelet.core.errors import RecordingError
 from quavelet.core.health import Health
@@ -71,11 +71,7 @@ def replay(
     if speed is None:
         speed = 1.0 if to_panel else float("inf")
     hub: Hub[Message] = Hub()
-    stopped = False
-
-    def stop() -> None:
-        nonlocal stopped
-        stopped = True
+    stop = Stop()
 
     with ExitStack() as stack:
         if to_panel:
@@ -84,10 +80,10 @@ def replay(
         elif json or mcap is None:
             hub.subscribe(STDOUT, JsonLines(sys.stdout.buffer), depth=QUEUE_DEPTH, policy=Policy.WAIT)
         stack.callback(hub.close)
-        stack.enter_context(stopped_by_signals(stop))
+        stack.enter_context(stopped_by_signals(stop.ask))
         converted = stack.enter_context(_converted(mcap, reader, settings)) if mcap is not None else None
         for raw in paced(source, clock=MonotonicClock(), speed=speed):
-            if stopped or hub.failures():
+            if stop.is_asked or hub.failures():
                 break
             block = pipeline.process(raw)
             if converted is not None:
@@ -101,7 +97,7 @@ def replay(
         reader.check()
     except RecordingError as error:
         # All that could be read has been given; that it is not all is still a failure.
-        if not stopped and not hub.failures():
+        if not stop.is_asked and not hub.failures():
             raise
         talk(str(error))
     raise typer.Exit(code)

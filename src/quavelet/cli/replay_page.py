@@ -11,7 +11,7 @@ from pathlib import Path
 import typer
 
 from quavelet.cli import exits, options
-from quavelet.cli.run import outcome, stopped_by_signals, talk, tell_counts
+from quavelet.cli.run import Stop, outcome, stopped_by_signals, talk, tell_counts
 from quavelet.core.clock import MonotonicClock
 from quavelet.core.health import Health
 from quavelet.core.units import NS_PER_MS
@@ -62,11 +62,7 @@ def replay_page(file: Path, *, config: Path | None, json: bool, speed: float | N
         clock=clock,
         environ=os.environ,
     )
-    stopped = False
-
-    def stop() -> None:
-        nonlocal stopped
-        stopped = True
+    stop = Stop()
 
     # Nothing is lost on the way to the page: a player can wait.
     network = Network(talk=talk, clock=clock, wait_for_room=True)
@@ -75,10 +71,10 @@ def replay_page(file: Path, *, config: Path | None, json: bool, speed: float | N
     if json:
         hub.subscribe(STDOUT, JsonLines(sys.stdout.buffer), depth=QUEUE_DEPTH, policy=Policy.WAIT)
     told = ""
-    with stopped_by_signals(stop):
+    with stopped_by_signals(stop.ask):
         network.add(page)
         player.start()
-        while not (stopped or hub.failures() or player.failure):
+        while not (stop.is_asked or hub.failures() or player.failure):
             clock.sleep_until_ns(clock.now_ns() + LOOK_NS)
             if (says := player.state().says) and says != told:
                 told = says

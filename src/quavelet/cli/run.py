@@ -148,6 +148,16 @@ def talk(text: str) -> None:
         print(f"quavelet: {line}", file=sys.stderr)
 
 
+class Stop:
+    """Whether it was asked for. No lock is in it, which a signal's handler could find held by what it interrupts."""
+
+    def __init__(self) -> None:
+        self.is_asked = False
+
+    def ask(self) -> None:
+        self.is_asked = True
+
+
 @contextmanager
 def stopped_by_signals(stop: Callable[[], None]) -> Iterator[None]:
     """Ctrl-C and SIGTERM end the loop in good order, once; a second one ends the program at once."""

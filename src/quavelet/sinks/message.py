@@ -78,6 +78,14 @@ def message_of(block: AttitudeBlock, *, src: str) -> Message:
     )
 
 
+def together(earlier: Message, later: Message) -> Message:
+    """The later one, with the flags and the gap of both: what it says where the earlier one does not go."""
+    if not earlier.flags and not earlier.gap_ns:
+        return later
+    flags = list(dict.fromkeys((*earlier.flags, *later.flags)))
+    return msgspec.structs.replace(later, flags=flags, gap_ns=earlier.gap_ns + later.gap_ns)
+
+
 def _three(values: np.ndarray[tuple[int, ...], np.dtype[np.float64]], digits: int) -> Three:
     x, y, z = np.round(values, digits).tolist()
     return x, y, z

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from math import atan2, hypot
 
-import msgspec
-
 from quavelet.core.units import DEG_PER_RAD, NS_PER_S
-from quavelet.sinks.message import Four, Message
+from quavelet.sinks.message import Four, Message, together
 
 KEEP_ALIVE_S = 1.0
 
@@ -28,8 +26,7 @@ class Thinning:
         self._before_ns = 0
         self._step_ns = 0
         self._last: Message | None = None
-        self._flags: dict[str, None] = {}
-        self._gap_ns = 0
+        self._waits: Message | None = None
         self.left_out = 0
         """Messages left out so far."""
 
@@ -37,17 +34,16 @@ class Thinning:
         """The message as it is to go, None where it is left out."""
         if not self._period_ns and not self._dead_band_deg:
             return message
-        if self._flags or self._gap_ns:
-            flags = list(self._flags | dict.fromkeys(message.flags))
-            message = msgspec.structs.replace(message, flags=flags, gap_ns=self._gap_ns + message.gap_ns)
+        if self._waits is not None:
+            message = together(self._waits, message)
         if self._is_early(message) or self._says_nothing_new(message):
-            self._flags, self._gap_ns = dict.fromkeys(message.flags), message.gap_ns
+            self._waits = message
             self.left_out += 1
             return None
         late_ns = message.t_ns - self._due_ns
         # The deadlines stay on their grid, so that an uneven rate of messages does not lower the mean.
         self._due_ns += self._period_ns if late_ns < self._period_ns else late_ns + self._period_ns
-        self._flags, self._gap_ns, self._last = {}, 0, message
+        self._waits, self._last = None, message
         return message
 
     def _is_early(self, message: Message) -> bool:

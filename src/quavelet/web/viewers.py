@@ -10,9 +10,7 @@ import asyncio
 from collections import Counter
 from collections.abc import Callable
 
-import msgspec
-
-from quavelet.sinks.message import Message
+from quavelet.sinks.message import Message, together
 from quavelet.sinks.status import PageStatus
 
 STALLED_S = 5.0
@@ -52,7 +50,7 @@ class Viewer:
         """Let a message go at once, or wait; `frame` is the message alone, frame_of makes one with what waited."""
         if self._slot is not None:
             self.lost += 1
-            message = _together(self._slot, message)
+            message = together(self._slot, message)
         if self.waiting_bytes > MESSAGES_WAIT_BYTES:
             self._slot = message
             return False
@@ -132,11 +130,3 @@ class Viewers:
     def status(self) -> PageStatus:
         """May be asked for on any thread."""
         return PageStatus(now=len(self), lost=self.lost, refused=dict(self.refused), dropped=dict(self.dropped))
-
-
-def _together(earlier: Message, later: Message) -> Message:
-    """The later one, with the flags and the gap of both."""
-    if not earlier.flags and not earlier.gap_ns:
-        return later
-    flags = list(dict.fromkeys((*earlier.flags, *later.flags)))
-    return msgspec.structs.replace(later, flags=flags, gap_ns=earlier.gap_ns + later.gap_ns)
