@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import selectors
+import time
 from collections.abc import Mapping
 
 from quavelet.core.clock import Clock
@@ -27,11 +28,17 @@ class DrivenLoop(asyncio.SelectorEventLoop):
 
     def __init__(self, clock: Clock) -> None:
         self._driven_by = clock
+        self._let_go_s: float | None = None
         self._looks = _Impatient()
         super().__init__(self._looks)
 
     def time(self) -> float:
-        return self._driven_by.now_ns() / NS_PER_S
+        driven_s = self._driven_by.now_ns() / NS_PER_S
+        return driven_s if self._let_go_s is None else driven_s + time.monotonic() - self._let_go_s
+
+    def let_go(self) -> None:
+        """From now on real time goes by as well: a part that closes may wait, and nobody moves the clock any more."""
+        self._let_go_s = time.monotonic()
 
     @property
     def sockets(self) -> int:

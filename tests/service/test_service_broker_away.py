@@ -57,6 +57,7 @@ class Watch:
         self.keep_step()
         if len(self.back_s) == 2 and self.now_s >= max(self.back_s.values()) + AFTER_S:
             self.look()
+            self.loops[0].let_go()
             self.bed.service.stop()
 
     @property
