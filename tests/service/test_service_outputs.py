@@ -177,6 +177,7 @@ def test_an_output_on_stdout_is_written_as_it_asks(tmp_path: Path) -> None:
         name="imu",
         messages=Hub(),
         clock=VirtualClock(),
+        offset_ns=int,
         talk=print,
         status=lambda: None,
         environ={},  # type: ignore[arg-type, return-value]
