@@ -77,6 +77,21 @@ def test_a_fault_is_injected_from_the_page_by_the_keyboard_and_what_became_of_it
     assert "noticed after" in told.lower()
 
 
+@pytest.mark.slow
+def test_a_page_that_was_held_up_does_not_take_its_connection_for_lost(breakable, look):
+    """Nor is what it asked for just then forgotten with it."""
+    seen = look(breakable.url)
+    page = seen.is_live()
+    page.wait_for_timeout(3000)
+    opened = []
+    page.on("websocket", lambda socket: opened.append(socket.url))
+    page.evaluate("() => { for (const end = performance.now() + 7000; performance.now() < end; ); }")
+    page.get_by_role("button", name="Yaw counts from here").click()
+    page.wait_for_selector(".toast[data-level=good]", timeout=1000 * SOON_S)
+    page.wait_for_timeout(2000)
+    assert opened == []
+
+
 @pytest.fixture
 def port():
     with socket.socket() as free:

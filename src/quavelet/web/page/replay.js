@@ -7,6 +7,9 @@ const SPEEDS = [0.25, 0.5, 1, 2, 4, 8];
 const STEP_S = 5;
 const SEEK_MS = 120; // while it is dragged
 
+/** Which overview it is, as it grows. @param {any} overview */
+const of = (overview) => overview && `${overview.t_s.length} ${overview.t_s.at(-1)} ${overview.gaps.length}`;
+
 export class Replay {
   constructor(live) {
     this._live = live;
@@ -15,11 +18,12 @@ export class Replay {
     this._canvas = /** @type {HTMLCanvasElement} */ (make("canvas", { "aria-hidden": "true" }));
     this._slider = /** @type {HTMLInputElement} */ (make("input", { type: "range", min: "0", step: "any", value: "0", "aria-label": "Time in the recording" }));
     this._cursor = make("i", { class: "cursor", "aria-hidden": "true" });
+    this._unread = make("i", { class: "unread", "aria-hidden": "true" });
     this._time = make("p", { class: "time" });
     this._speed = /** @type {HTMLSelectElement} */ (make("select", { "aria-label": "Speed" }, ...SPEEDS.map((x) => make("option", { value: x }, `${String(x).replace("0.25", "¼").replace("0.5", "½")}×`))));
     this._file = make("p", { class: "file" });
     this.place.append(
-      this._play, make("div", { class: "track" }, this._canvas, this._cursor, this._slider), this._time, this._speed, this._file,
+      this._play, make("div", { class: "track" }, this._canvas, this._unread, this._cursor, this._slider), this._time, this._speed, this._file,
     );
     this._speed.addEventListener("change", () => this._do("speed", { x: Number(this._speed.value) }));
     this._slider.addEventListener("input", () => this._seek(Number(this._slider.value)));
@@ -45,9 +49,10 @@ export class Replay {
     document.body.classList.add("has-replay");
     this.state = state;
     this.length_s = state.length_s || this.length_s;
-    if (state.overview) this._overview = state.overview;
-    if (state.known_s !== this._known_s || state.overview) {
-      this._known_s = state.known_s;
+    this._unread.style.left = `${this.length_s ? Math.min(100, (100 * state.known_s) / this.length_s) : 0}%`;
+    // The same one comes several times while it is news.
+    if (state.overview && of(state.overview) !== of(this._overview)) {
+      this._overview = state.overview;
       this._draw();
     }
     this._play.dataset.does = state.ended ? "again" : state.paused ? "play" : "pause";
@@ -120,10 +125,6 @@ export class Replay {
     const x = (/** @type {number} */ s) => (width * s) / (this.length_s || 1);
     c.fillStyle = colour("--gap");
     for (const [from, to] of gaps ?? []) c.fillRect(x(from), 0, Math.max(2, x(to) - x(from)), height);
-    if (this._known_s < this.length_s) {
-      c.fillStyle = colour("--line");
-      c.fillRect(x(this._known_s), 0, width, height);
-    }
     for (const [name, ink] of [["yaw_deg", "--z"], ["pitch_deg", "--y"], ["roll_deg", "--x"]]) {
       const values = this._overview[name] ?? [];
       const most = Math.max(10, ...values.map(Math.abs));

@@ -3,6 +3,7 @@
 const FIRST_MS = 250;
 const LONGEST_MS = 4000;
 const SILENT_MS = 5000; // status comes every second
+const LOOK_MS = 1000;
 const PING_MS = 2000;
 
 export class Live {
@@ -20,9 +21,10 @@ export class Live {
     this._asked = new Map();
     this._pings = new Map();
     this._heard_ms = 0;
+    this._looked_ms = 0;
     this._again = 0;
     this._connect();
-    setInterval(() => this._look(), 1000);
+    setInterval(() => this._look(), LOOK_MS);
     addEventListener("online", () => this._soon(0));
     document.addEventListener("visibilitychange", () => document.hidden || this.up || this._soon(0));
   }
@@ -102,8 +104,11 @@ export class Live {
   }
 
   _look() {
-    if (!this.up) return;
     const now_ms = performance.now();
+    // A page that was held up itself has yet to take what came meanwhile.
+    if (now_ms - this._looked_ms > 2 * LOOK_MS) this._heard_ms = now_ms;
+    this._looked_ms = now_ms;
+    if (!this.up) return;
     if (now_ms - this._heard_ms > SILENT_MS) {
       const socket = this._socket;
       this._socket.onclose?.(new CloseEvent("close", { reason: "Nothing came for five seconds." }));
