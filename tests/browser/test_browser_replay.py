@@ -13,6 +13,12 @@ from quavelet.core.quaternion import angle_between, inclination_between
 LENGTH_S = 45
 SOON_MS = 60_000
 KNOWN_MS = 900_000
+# To draw all of a canvas anew begins with its width.
+COUNT_OVERVIEWS = """() => {
+  window.overviews = 0;
+  new MutationObserver((changes) => (window.overviews += changes.length))
+    .observe(document.querySelector("#replay canvas"), { attributes: true, attributeFilter: ["width"] });
+}"""
 
 
 @pytest.fixture(scope="module")
@@ -123,6 +129,9 @@ def test_an_hour_loads_seeks_and_plays_below_200_mb(tmp_path, chromium, look):
         page = seen.is_live()
         page.wait_for_selector("#replay:not([hidden])")
         seen.record()
+        page.evaluate(COUNT_OVERVIEWS)
+        page.wait_for_timeout(10_000)
+        overviews = page.evaluate("window.overviews")
         # The first is waited for until the recording has been gone through so far.
         for sought_s, within_ms in (3500, KNOWN_MS), (10, SOON_MS), (1800, SOON_MS), (2700, SOON_MS), (3000, SOON_MS):
             page.fill("#replay input", str(sought_s))
@@ -133,8 +142,10 @@ def test_an_hour_loads_seeks_and_plays_below_200_mb(tmp_path, chromium, look):
         heap, whole = heap_mb(page), process_mb(chromium, page)
         print(
             f"\nan hour: {(drawn.t_ns.max() - drawn.t_ns.min()) / 1e9:.0f} s apart, tilt {off_deg.max():.2f} deg off; "
-            f"heap {heap:.1f} MB, the page's process {whole:.0f} MB"
+            f"heap {heap:.1f} MB, the page's process {whole:.0f} MB; {overviews} overviews drawn in 10 s"
         )
+        # It grows all the time, and is sent anew every two seconds.
+        assert 1 <= overviews <= 8
         assert off_deg.max() < 1
         assert heap < 200
         assert whole < 200
