@@ -126,7 +126,10 @@ def _of_counters(grown: Mapping[str, int]) -> Iterator[Words]:
     told = [f"{causes[name]} x {WORDS.get(name, name)}" for name in most[:MOST_COUNTERS]]
     told += [f"and {len(most) - MOST_COUNTERS} more counters"] if len(most) > MOST_COUNTERS else []
     if told:
-        yield _warn(f"In the last minute: {'; '.join(told)}.", "Now and then is no harm.")
+        yield _warn(
+            f"In the last minute: {'; '.join(told)}.",
+            "A few now and then are no harm; if it goes on, check the plugs and the wires.",
+        )
 
 
 def _of_the_rest(status: Status) -> Iterator[Words]:
