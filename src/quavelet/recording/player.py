@@ -218,7 +218,11 @@ class Player:
         self._present(attitude)
 
     def _group(self, end_ns: int) -> AttitudeBlock | None:
-        """The drain in hand and those behind it up to recorded time `end_ns`, through the pipeline."""
+        """`_drains`, through the pipeline."""
+        return self._replaying.process(self._drains(end_ns))
+
+    def _drains(self, end_ns: int) -> list[RawBlock]:
+        """The drain in hand and those behind it up to recorded time `end_ns`, not too many at once."""
         blocks = list[RawBlock]()
         while (raw := self._next()) is not None and (not blocks or self._replaying.at_ns < end_ns):
             self._done_ns = self._replaying.at_ns
@@ -226,7 +230,7 @@ class Player:
             self._in_hand = None
             if len(blocks) == TOGETHER:
                 break
-        return self._replaying.process(blocks)
+        return blocks
 
     def _next(self) -> RawBlock | None:
         """The drain in hand, or the next one; None at the end."""
@@ -255,24 +259,16 @@ class Player:
         while self._reaches(wanted_ns + 1) and self._still(wanted_ns):
             at_ns = self._replaying.at_ns
             end_ns = min(wanted_ns + 1, (at_ns // LEAD_STEP_NS + 1) * LEAD_STEP_NS)
-            attitude = self._last_alone(end_ns, lead) if end_ns > wanted_ns else self._group(end_ns)
-            if attitude is not None:
-                lead.append(attitude)
+            drains = self._drains(end_ns)
+            # The last of all by itself, as in a straight replay, where no drain shares its flags with those before it.
+            alone = end_ns > wanted_ns or not self._reaches(wanted_ns + 1)
+            for some in [[one] for one in drains] if alone else [drains]:
+                attitude = self._replaying.process(some)
+                if attitude is not None:
+                    lead.append(attitude)
         if not self._still(wanted_ns):
             return
         self._arrive(wanted_ns, lead, last)
-
-    def _last_alone(self, end_ns: int, lead: list[AttitudeBlock]) -> AttitudeBlock | None:
-        """The drains up to `end_ns` each by itself: the last block is that of a straight replay. The others go to
-        `lead`."""
-        newest: AttitudeBlock | None = None
-        while self._reaches(end_ns):
-            attitude = self._group(self._replaying.at_ns)
-            if attitude is not None:
-                if newest is not None:
-                    lead.append(newest)
-                newest = attitude
-        return newest
 
     def _arrive(self, wanted_ns: int, lead: list[AttitudeBlock], last: AttitudeBlock | None) -> None:
         """Give the last of what came before, so that it is to be seen also while paused."""
