@@ -20,6 +20,7 @@ from recorded import INFO
 from rotation_rig import SMALL, Rig, slow_drains
 
 from quavelet.core.blocks import Flag
+from quavelet.core.clock import VirtualClock
 from quavelet.core.errors import RecordingError, SettingsError
 from quavelet.core.units import NS_PER_MS, NS_PER_S
 from quavelet.recording import mcap
@@ -73,6 +74,7 @@ class McapRig:
             bounds=bounds,
             axes=AXES,
             about={},
+            clock=VirtualClock(),
             offset_ns=int,
             rate_hz=rate_hz,
             tell=self.told.append,

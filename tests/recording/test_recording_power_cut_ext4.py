@@ -10,7 +10,6 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 SCRIPT = """
 import shutil, subprocess, sys
-from datetime import UTC, datetime
 from pathlib import Path
 sys.path[:0] = sys.argv[2:]
 from recorded import INFO, SETTINGS, drains

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
+from typing import NamedTuple
 
 from quavelet.core.clock import Clock
 from quavelet.core.units import NS_PER_US
@@ -41,6 +42,17 @@ def wall_going_with(clock: Clock) -> WallNs:
     """The time of day on virtual time: as it is now, and from here on as `clock` goes."""
     offset_ns = time.time_ns() - clock.now_ns()
     return lambda: clock.now_ns() + offset_ns
+
+
+class Instant(NamedTuple):
+    """One instant by both clocks: the loop's, ns, and what is to be added for ns since 1970."""
+
+    t_ns: int
+    offset_ns: int
+
+    @property
+    def utc(self) -> datetime:
+        return utc_of(self.t_ns + self.offset_ns)
 
 
 def utc_of(unix_ns: int) -> datetime:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
+from quavelet.core.clock import Clock
 from quavelet.core.mounting import Axes
-from quavelet.core.wall_clock import OffsetNs
+from quavelet.core.wall_clock import Instant, OffsetNs
 from quavelet.recording.mcap import CHUNK_BYTES, SAMPLE_BYTES, SUFFIX, McapWriter, Sample, mcap_library
 from quavelet.recording.rotation import Bounds, Rotation, RotationStats
 
@@ -27,6 +28,7 @@ class RotatingMcap:
         bounds: Bounds,
         axes: Axes,
         about: Mapping[str, str],
+        clock: Clock,
         offset_ns: OffsetNs,
         rate_hz: float,
         tell: Callable[[str], None],
@@ -41,11 +43,11 @@ class RotatingMcap:
             bounds=bounds,
             kind="messages",
             tell=tell,
+            clock=clock,
             offset_ns=offset_ns,
         )
         self._axes = axes
         self._about = about
-        self._offset_ns = offset_ns
         # A file is ended as if its last chunk did not shrink: that must not be much of it.
         self._chunk_bytes = min(CHUNK_BYTES, round(SAMPLE_BYTES * rate_hz), bounds.file_bytes // 10)
         self._fsync_s = fsync_s
@@ -62,10 +64,10 @@ class RotatingMcap:
         """End the file that is being written."""
         self._rotation.close()
 
-    def _begin_file(self, path: Path) -> McapWriter:
+    def _begin_file(self, path: Path, begins: Instant) -> McapWriter:
         return McapWriter(
             path,
-            offset_ns=self._offset_ns(),
+            offset_ns=begins.offset_ns,
             axes=self._axes,
             about=self._about,
             room=self._rotation.folder,

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from quavelet.core.clock import Clock
 from quavelet.core.errors import RecordingError
-from quavelet.core.wall_clock import OffsetNs
+from quavelet.core.wall_clock import Instant, OffsetNs
 from quavelet.mpu6050.drain import Drain
 from quavelet.mpu6050.stream import StreamInfo
 from quavelet.recording.format import SUFFIX
@@ -52,6 +52,7 @@ class RotatingRecorder:
             bounds=bounds,
             kind="drains",
             tell=tell,
+            clock=clock,
             offset_ns=offset_ns,
         )
         self._settings = settings
@@ -98,7 +99,7 @@ class RotatingRecorder:
         elif writer is not None:
             self._rotation.while_writing(lambda: writer.begin(info))
 
-    def _begin_file(self, path: Path) -> RecordingWriter:
+    def _begin_file(self, path: Path, begins: Instant) -> RecordingWriter:
         """The next file, with its header in it."""
         assert self._info is not None, "a drain has a stream"
         self._writer = writer = RecordingWriter(
@@ -111,7 +112,7 @@ class RotatingRecorder:
         )
         writer.calibration = self.calibration
         try:
-            writer.begin(self._info)
+            writer.begin(self._info, begins)
         except RecordingError:
             # Nothing is in it.
             with suppress(OSError):

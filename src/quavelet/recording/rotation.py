@@ -10,9 +10,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Generic, Protocol, TypeVar
 
+from quavelet.core.clock import Clock
 from quavelet.core.errors import RecordingError
 from quavelet.core.units import NS_PER_S
-from quavelet.core.wall_clock import OffsetNs, utc_of
+from quavelet.core.wall_clock import Instant, OffsetNs
 from quavelet.recording.clock_set import ClockSet
 from quavelet.recording.folder import RecordingFolder
 from quavelet.settings import RecordingSettings
@@ -105,9 +106,10 @@ class Rotation(Generic[Item]):
     thrown away and counted, and each minute a new file is tried. Times may be stepped.
 
     name, suffix   of the files, see `RecordingFolder`
-    begin       makes the file at a path
+    begin       makes the file at a path, with the instant that its name tells
     kind        what the items are, in words
-    offset_ns   from the clock of the items' times to UTC; where it is set, another file begins
+    clock       of the items' times
+    offset_ns   from it to UTC; where it is set, another file begins
     missed      items that never came, for who knows of them to count
     unwritten   items thrown away
     """
@@ -118,10 +120,11 @@ class Rotation(Generic[Item]):
         *,
         name: str,
         suffix: str,
-        begin: Callable[[Path], FileWriter[Item]],
+        begin: Callable[[Path, Instant], FileWriter[Item]],
         bounds: Bounds,
         kind: str,
         tell: Callable[[str], None],
+        clock: Clock,
         offset_ns: OffsetNs,
     ) -> None:
         self.missed = self.unwritten = 0
@@ -136,6 +139,7 @@ class Rotation(Generic[Item]):
         self._bounds = bounds
         self._kind = kind
         self._tell = tell
+        self._clock = clock
         self._clock_set = ClockSet(offset_ns)
         self._writer: FileWriter[Item] | None = None
         self._begun_ns: int | None = None
@@ -204,8 +208,8 @@ class Rotation(Generic[Item]):
             self._end_file()
         if self._writer is None and self._may_try(t_ns):
             # Before the file takes it: where the clock is set in between, another begins.
-            offset_ns = self._clock_set.begin()
-            self._writer = self._begin(self.folder.next_path(utc_of(t_ns + offset_ns)))
+            begins = Instant(offset_ns=self._clock_set.begin(), t_ns=self._clock.now_ns())
+            self._writer = self._begin(self.folder.next_path(begins.utc), begins)
             self._begun_ns = None
             self._files += 1
             self._stopped, self._failed_ns = "", None

@@ -13,7 +13,7 @@ import msgspec
 from quavelet.core.clock import Clock, MonotonicClock
 from quavelet.core.errors import RecordingError
 from quavelet.core.units import NS_PER_S
-from quavelet.core.wall_clock import OffsetNs, offset_from, utc_of
+from quavelet.core.wall_clock import Instant, OffsetNs, offset_from
 from quavelet.mpu6050.drain import Drain
 from quavelet.mpu6050.stream import StreamInfo
 from quavelet.recording.disk_file import DiskFile, Room
@@ -82,15 +82,15 @@ class RecordingWriter:
         """How long the file is with this drain in it too, and closed."""
         return self._file.size_bytes + drain_bytes(drain) + END_BYTES
 
-    def begin(self, info: StreamInfo) -> None:
-        """Begin a stream: the first, or another after the chip was restarted."""
+    def begin(self, info: StreamInfo, at: Instant | None = None) -> None:
+        """Begin a stream: the first, or another after the chip was restarted; `at` that instant, by itself now."""
         self._file.must_be_open()
-        now_ns = self._clock.now_ns()
+        at = at or Instant(offset_ns=self._offset_ns(), t_ns=self._clock.now_ns())
         header = Header(
             stream=info,
             settings=cast(dict[str, object], msgspec.to_builtins(self._settings)),
-            started_utc=utc_of(now_ns + self._offset_ns()).isoformat(),
-            started_ns=now_ns,
+            started_utc=at.utc.isoformat(),
+            started_ns=at.t_ns,
             version=version("quavelet"),
             calibration=self.calibration(),
         )

@@ -43,6 +43,7 @@ def recorder_for(
             bounds=Bounds.of(recording),
             axes=settings.mounting.axes,
             about={"src": settings.bus.name, "version": version("quavelet")},
+            clock=clock,
             rate_hz=settings.loop.rate_hz,
             tell=tell,
             fsync_s=recording.fsync_s,
